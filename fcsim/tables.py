@@ -79,14 +79,19 @@ def write_table(path: Path, kind: type[DataclassInstance], rows: Iterable[Datacl
     return path
 
 
-def read_rows(path: Path) -> list[list[str]]:
-    """The cells of a table of text, header first, torn last lines as they are; InputError where the file is no text."""
+def read_rows(path: Path, *, whole: bool = False) -> list[list[str]]:
+    """The cells of a table of text, header first, torn last lines as they are; InputError where the file is no text.
+
+    whole: a quotation mark that is not closed is refused: it takes all lines behind it into one cell
+    """
     try:
         text = regular(path).read_text(encoding="utf-8-sig")  # spreadsheets begin it with a mark
         if "\0" in text:
             raise InputError(f"{path}: expected a table as text, it holds zero bytes")
-        return list(csv.reader(io.StringIO(text, newline="")))
-    except (UnicodeDecodeError, csv.Error) as error:
+        return list(csv.reader(io.StringIO(text, newline=""), strict=whole))
+    except csv.Error as error:
+        raise InputError(f"{path}: expected a table whose quotation marks are closed ({error})") from None
+    except UnicodeDecodeError as error:
         raise InputError(f"{path}: expected a table as UTF-8 text ({error})") from None
 
 

@@ -62,11 +62,13 @@ def read_table_of_values(path: Path) -> list[dict[str, str]]:
     """The rows of a CSV file, whose header names parameters: one combination a row, empty lines and those that begin with # left out."""
     if not path.is_file():
         raise InputError(f"--table {path}: expected a CSV file, found none")
-    lines = [[cell.strip() for cell in row] for row in read_rows(path)]
+    lines = [[cell.strip() for cell in row] for row in read_rows(path, whole=True)]
     header, *rows = [row for row in lines if any(row) and not row[0].startswith("#")] or [[]]
     if not rows or not all(header) or len(set(header)) != len(header):
         raise InputError(f"--table {path}: expected a header of different names and at least one row, got {','.join(header) or 'nothing'}")
     for number, row in enumerate(rows, 1):
+        if len(header) == 1 and ";" in header[0]:
+            raise InputError(f"--table {path}: expected commas between the cells and points in numbers, got {header[0][:200]!r}")
         if len(row) != len(header):
             raise InputError(f"--table {path}, row {number}: expected {len(header)} values ({', '.join(header)}), got {len(row)}")
     return [dict(zip(header, row, strict=True)) for row in rows]

@@ -66,7 +66,7 @@ LAUNCHERS = ("local", "slurm", "jobs")
 
 def add_launcher(parser: argparse.ArgumentParser, text: str, choices: Sequence[str] = LAUNCHERS) -> None:
     """Add --launcher and --cluster-option, which `cluster_of` reads."""
-    parser.add_argument("--launcher", choices=choices, default="local", help=text)
+    parser.add_argument("--launcher", choices=choices, default="local", help=f"{text} (default local)")
     parser.add_argument("--cluster-option", action="append", default=[], metavar="NAME=VALUE", help="of Slurm: partition=..., account=...")
 
 

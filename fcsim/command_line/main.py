@@ -109,8 +109,11 @@ def _acted(options: argparse.Namespace) -> tuple[int, str]:
         return EXIT_OK, ""
     except (FileExistsError, NotADirectoryError) as error:
         return EXIT_BAD_INPUT, f"{error.filename}: expected a folder to write into, found a file there or above it"
-    except OSError as error:  # a folder that cannot be written, a full disk
-        return EXIT_BAD_INPUT, str(error)
+    except PermissionError as error:
+        what = f"{error.filename}: " if error.filename else ""
+        return EXIT_BAD_INPUT, f"{what}expected a place that this user may read and write, got: {error.strerror or error}"
+    except OSError as error:  # a full disk
+        return EXIT_BAD_INPUT, f"{error.filename}: {error.strerror}" if error.filename and error.strerror else str(error)
     except (KeyboardInterrupt, SystemError) as error:
         if not is_interrupt(error):
             raise

@@ -44,7 +44,9 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         action="store_true",
         help="of steps with nonlinear bodies write all problems of Newton's method, not the last alone",
     )
-    run.add_argument("--export-form", choices=("global", "local", "both"), default="global", help="form of the FCLIB files")
+    run.add_argument(
+        "--export-form", choices=("global", "local", "both"), default="global", help="form of the FCLIB files (default global)"
+    )
     run.add_argument("--vtk-every", type=int, default=10, metavar="K", help="write VTK files every K steps, 0 = none (default 10)")
     run.add_argument("--checkpoint-every", type=int, default=20, metavar="K", help="steps between checkpoints (default 20)")
     run.add_argument(

@@ -42,8 +42,10 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         help="what counts as rest (in statics a length): errors are relative to ||q|| or this, whichever is larger (default 0)",
     )
     solve.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", dest="assignments", help="an option of the solver")
-    solve.add_argument("--start", choices=("zero", "guess", "solution"), default="zero", help="where to begin: r = 0, or as stored")
-    solve.add_argument("--time-limit", type=float, default=float("inf"), metavar="SECONDS")
+    solve.add_argument(
+        "--start", choices=("zero", "guess", "solution"), default="zero", help="where to begin: r = 0, or as stored (default zero)"
+    )
+    solve.add_argument("--time-limit", type=float, default=float("inf"), metavar="SECONDS", help="of the solve (default: none)")
     solve.add_argument("--json", action="store_true", help="print the answer as JSON")
     solve.add_argument("--write-solution", type=Path, metavar="FILE", help="write the problem with its solution as an FCLIB file")
     add_plugin_option(solve)

@@ -100,7 +100,7 @@ def _sweep(options: argparse.Namespace) -> int:
     settings = _settings(options)
     twins = len(chosen) - len(plan.runs)
     if twins:
-        say(f"{twins} combinations have the values of others: {len(plan.runs)} runs", to_stderr=True)
+        say(f"combinations that have the values of others are made once: {len(chosen)} given, {len(plan.runs)} to be made", to_stderr=True)
     try:
         with ended_politely(), Bar("runs", lines=0) as bar:
             made = sweep(plan, directory, settings, launch=_launch(options, settings, directory), watch=_Shown(bar).update)

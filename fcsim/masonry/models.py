@@ -36,6 +36,8 @@ def read_model(
     array: of a mesh's cells, see `masonry_of_mesh`.
     """
     path = Path(path)
+    if path.suffix.lower() not in MODELS:
+        raise InputError(f"{path}: expected a model of blocks ({', '.join(MODELS)}), got {path.suffix!r}")
     if path.suffix.lower() in MESHES:
         given = 0.6 if mu is None else mu
         return masonry_of_mesh(path, mu=given, density=density, scale=scale, supports=supports, array=array)

@@ -12,6 +12,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, TypedDict
 
+from fcsim.arrays import is_number
 from fcsim.brief import brief, shown
 from fcsim.errors import FcsimError, InputError
 from fcsim.files import plain_name, resolved, run_script, sha256
@@ -51,6 +52,8 @@ class History:
 
     def __post_init__(self) -> None:
         plain_name(self.name, "history")
+        if not isinstance(self.columns, (tuple, list)):  # a text would be taken letter by letter
+            raise InputError(f"history {self.name!r}, columns: expected a tuple, as (one,), got {shown(self.columns)}")
 
 
 class PlotWishes(TypedDict, total=False):
@@ -84,6 +87,9 @@ class Case:
     def __post_init__(self) -> None:
         if not isinstance(self.simulation, Simulation):
             raise InputError(f"case {self.name!r}, simulation: expected a Simulation, got {type(self.simulation).__name__}")
+        if not isinstance(self.sensors, (tuple, list)):
+            given = type(self.sensors).__name__
+            raise InputError(f"case {self.name!r}, sensors: expected a tuple of Sensors, (first, second) or (one,), got {given}")
         for sensor in self.sensors:
             if not isinstance(sensor, Sensor):
                 raise InputError(f"case {self.name!r}, sensors: expected each a Sensor, got {type(sensor).__name__}")
@@ -91,6 +97,7 @@ class Case:
         twice = sorted({column for column in columns if columns.count(column) > 1})
         if twice:
             raise InputError(f"case {self.name!r}, sensors: expected different columns, got {', '.join(twice)} more than once")
+        _check_plots(self.name, self.plots)
         histories = self.plots.get("histories", ())
         plotted = [*([self.plots["imposed"]] if "imposed" in self.plots else []), *self.plots.get("reaction", ())]
         for history in histories:
@@ -104,6 +111,23 @@ class Case:
                 raise InputError(
                     f"case {self.name!r}, history {history.name!r}: expected columns of one unit, got {', '.join(history.columns)}"
                 )
+
+
+def _check_plots(case: str, plots: PlotWishes) -> None:
+    """InputError where what is to be plotted is another kind of thing, or has a name that nobody would draw."""
+    known = tuple(PlotWishes.__annotations__)
+    if not isinstance(plots, dict):
+        raise InputError(f"case {case!r}, plots: expected a dictionary of some of {', '.join(known)}, got {type(plots).__name__}")
+    for name, value in plots.items():
+        if name not in known:
+            raise InputError(f"case {case!r}, plots: expected some of {', '.join(known)}, got {shown(name)}")
+        if name in ("reaction", "histories") and not isinstance(value, (tuple, list)):  # a text would be taken letter by letter
+            raise InputError(f"case {case!r}, plots: expected a tuple as {name!r}, as (one,), got {shown(value)}")
+    for history in plots.get("histories", ()):
+        if not isinstance(history, History):
+            raise InputError(f"case {case!r}, plots: expected each of 'histories' a History, got {type(history).__name__}")
+    if "bound" in plots and not (isinstance(plots["bound"], (tuple, list)) and len(plots["bound"]) == 2 and is_number(plots["bound"][0])):
+        raise InputError(f"case {case!r}, plots: expected 'bound' as (value, label), got {shown(plots['bound'])}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -182,7 +206,7 @@ def _of_the_script(error: Exception, script: Path) -> Exception:
     own = [k for k, frame in enumerate(frames) if Path(frame.filename) == script.resolve()]
     if isinstance(error, FcsimError) or not own:
         return error
-    called = frames[own[-1] + 1 :]
+    called = [frame for frame in frames[own[-1] + 1 :] if frame.filename != dataclasses.__file__]  # of fields without a default
     if called and (not isinstance(error, ValueError) or any(_PACKAGE in Path(frame.filename).parents for frame in called)):
         return error
     line = frames[own[-1]]

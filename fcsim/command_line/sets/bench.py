@@ -72,7 +72,7 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         "--siconos",
         default="none",
         metavar="none|best|NAME,...",
-        help=f"configurations of Siconos as further solvers, as NSGS or NSGS/dense; best: {', '.join(SICONOS_BEST)}",
+        help=f"configurations of Siconos as further solvers, as NSGS or NSGS/dense; best: {', '.join(SICONOS_BEST)} (default none)",
     )
     bench.add_argument(
         "--skip-hopeless",

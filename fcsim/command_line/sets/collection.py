@@ -39,7 +39,7 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     build.add_argument(
         "--set", action="append", default=[], metavar="NAME=VALUE", dest="assignments", help="change a parameter of the case"
     )
-    build.add_argument("--authors", default="", help="for the README")
+    build.add_argument("--authors", default="", help="for the README (default: none)")
     add_launcher(build, "here, or in a job: of Slurm, or of submitit on this machine (slurm, jobs: --time-limit needed)")
     build.add_argument("--time-limit", type=float, metavar="SECONDS", help="of the job")
     build.add_argument("--memory-limit", type=float, metavar="MIB", help="of the job")
@@ -59,7 +59,9 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     select.add_argument("directory", type=Path, metavar="DIR", help="a collection, or any folder of *.hdf5")
     select.add_argument("--out", type=Path, required=True, metavar="DIR2", help="folder of the selection")
     select.add_argument("--count", type=int, default=50, help="number of problems (default 50)")
-    select.add_argument("--by", choices=("iterations",), default="iterations", help="difficulty: iterations of the solver from r = 0")
+    select.add_argument(
+        "--by", choices=("iterations",), default="iterations", help="difficulty: iterations of the solver from r = 0 (default iterations)"
+    )
     select.add_argument("--solver", default="NSN-AC", help="whose iterations (default NSN-AC; see fcsim solvers)")
     select.add_argument("--tol", type=float, default=1e-8, help="to this error (default 1e-8)")
     select.add_argument("--time-limit", type=float, default=100.0, metavar="SECONDS", help="of each solve (default 100)")
@@ -74,7 +76,11 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
 
 def _add_common(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
-        "--spectrum-up-to", type=int, default=3000, metavar="M", help="contact unknowns up to which W's rank and condition are computed"
+        "--spectrum-up-to",
+        type=int,
+        default=3000,
+        metavar="M",
+        help="contact unknowns up to which W's rank and condition are computed (default 3000)",
     )
     parser.add_argument("--overwrite", action="store_true", help="replace an earlier collection")
 

@@ -39,7 +39,13 @@ def add_measuring(parser: argparse.ArgumentParser, *, time_limit: float, launche
     ranks = ", of MPI ranks" if "mpi" in launchers else ""
     add_launcher(parser, f"processes of this machine{ranks}, or in jobs: of Slurm, or of submitit on this machine", launchers)
     parser.add_argument("--job-time", type=float, default=7200.0, metavar="SECONDS", help="that a job serves (default 7200; slurm, jobs)")
-    parser.add_argument("--siconos-python", type=Path, default=SICONOS_PYTHON, metavar="PYTHON", help="that has siconos.numerics")
+    parser.add_argument(
+        "--siconos-python",
+        type=Path,
+        default=SICONOS_PYTHON,
+        metavar="PYTHON",
+        help=f"that has siconos.numerics (default {SICONOS_PYTHON})",
+    )
     add_plugin_option(parser)
 
 

@@ -23,7 +23,7 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         'bash, zsh: eval "$(fcsim completion bash)"; fish: fcsim completion fish | source. Put that line into ~/.bashrc, ~/.zshrc or '
         "~/.config/fish/config.fish.",
     )
-    completion.add_argument("shell", choices=SHELLS)
+    completion.add_argument("shell", choices=SHELLS, help="which shell reads the code")
     completion.set_defaults(act=_completion)
 
 

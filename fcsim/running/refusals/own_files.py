@@ -33,6 +33,8 @@ def check_folder(directory: Path, overwrite: bool) -> None:
         raise InputError(f"{str(directory)!r}: expected a folder with a name of UTF-8, in which VTK and HDF5 can write") from None
     if directory.exists() and not directory.is_dir():
         raise InputError(f"{directory}: expected a folder for the results, found a file")
+    if directory.is_symlink() and not directory.exists():
+        raise InputError(f"{directory}: expected a folder for the results, found a link to {directory.readlink()}, which is not there")
     if not directory.exists():
         above = next(folder for folder in directory.absolute().parents if folder.exists())
         if not above.is_dir():

@@ -9,6 +9,7 @@ import numpy as np
 from fcsim.arrays import BoolArray, FloatArray
 from fcsim.assembly.layout import DIRECTIONS
 from fcsim.assembly.model import Model
+from fcsim.assembly.supports import DrivenRotation
 from fcsim.mesh.part import RigidBody
 from fcsim.timestep.scheme import Scheme
 from fcsim.timestep.state import State
@@ -30,7 +31,7 @@ def falling(model: Model, state: State, scheme: Scheme, gravity: FloatArray, ste
     extent.
     """
     g = float(np.linalg.norm(gravity))
-    if g == 0 or not scheme.timing.moving or model.loads or np.any(state.v):
+    if g == 0 or not scheme.timing.moving or model.loads or np.any(model.along(state.v)[model.free_dofs]):
         return
     if len(model.bodies) < 2:
         if not model.supports:
@@ -42,6 +43,15 @@ def falling(model: Model, state: State, scheme: Scheme, gravity: FloatArray, ste
         yield f"no support holds any body: all fall together under gravity. Hold the floor: Support('floor', ({directions}))"
         return
     axis = int(np.argmax(np.abs(gravity)))
+    if abs(gravity[axis]) >= ALONG * g and not _held_along(model, "xyz"[axis]):
+        directions = ", ".join(map(repr, DIRECTIONS[model.dimension]))
+        yield (
+            f"no support holds any body along {'xyz'[axis]}, the way of gravity: all fall together. "
+            f"Hold the floor: Support('floor', ({directions}))"
+        )
+        return
+    if np.any(state.v):  # supports that move: where to is not known here
+        return
     exact = any(isinstance(body, RigidBody) and (body.shape is not None or not len(body.points)) for body in model.bodies)
     if held.all() or exact or abs(gravity[axis]) < ALONG * g or len(model.bodies) > MANY:
         return
@@ -68,6 +78,11 @@ def falling(model: Model, state: State, scheme: Scheme, gravity: FloatArray, ste
             f"body {names[first]!r} is {gap:.3g} m above {names[under]!r} and falls for {time:.3g} s, {count} steps, {ends}, "
             f"before anything touches: begin nearer, with a velocity (State), or take more steps"
         )
+
+
+def _held_along(model: Model, axis: str) -> bool:
+    """Whether any support holds something along an axis of the world; those along axes of their own, and rotations, are taken to."""
+    return any(isinstance(s, DrivenRotation) or s.axes is not None or axis in s.directions for s in model.supports)
 
 
 def _ways(model: Model, positions: FloatArray, axis: int, sign: float) -> tuple[FloatArray, BoolArray]:

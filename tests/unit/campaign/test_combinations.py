@@ -66,7 +66,9 @@ def test_a_table_of_values(tmp_path: Path) -> None:
     assert read_table_of_values(path) == [{"mu": "0.3", "divisions": "8,4,4"}, {"mu": "0.5", "divisions": "4,2,2"}]
 
 
-@pytest.mark.parametrize("content", ["", "mu\n", "mu,mu\n1,2\n", "mu,E\n1\n", "mu,\n1,2\n", "\0"])
+@pytest.mark.parametrize(
+    "content", ["", "mu\n", "mu,mu\n1,2\n", "mu,E\n1\n", "mu,\n1,2\n", "\0", 'mu,a\n0.3,"x\n0.4,y\n', "mu;E\n1;2\n", "mu;E\n1,5;2,5\n"]
+)
 def test_a_table_that_is_none_is_refused(tmp_path: Path, content: str) -> None:
     path = tmp_path / "runs.csv"
     path.write_text(content, encoding="utf-8")
@@ -74,3 +76,15 @@ def test_a_table_that_is_none_is_refused(tmp_path: Path, content: str) -> None:
         read_table_of_values(path)
     with pytest.raises(InputError, match="found none"):
         read_table_of_values(tmp_path / "absent.csv")
+
+
+def test_what_is_wrong_with_a_table_is_said(tmp_path: Path) -> None:
+    """A quotation mark that is not closed took the rows behind it for one cell; a spreadsheet's semicolons were "1 values"."""
+    path = tmp_path / "runs.csv"
+    for content, said in (
+        ('mu,a\n0.3,"x\n0.4,y\n', "quotation marks are closed"),
+        ("mu;E\n1,5;2,5\n", "expected commas between the cells"),
+    ):
+        path.write_text(content, encoding="utf-8")
+        with pytest.raises(InputError, match=said):
+            read_table_of_values(path)

@@ -1,17 +1,19 @@
 """The command line: run, solve, info, solvers; exit codes and messages."""
 
+import argparse
 import csv
 import json
 import os
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from fcsim import __version__
-from fcsim.command_line.main import main
+from fcsim.command_line.main import _parser, main
 from fcsim.export_fclib import Solution, read_fclib, write_fclib
 from fcsim.problem import GlobalProblem, LocalProblem, natural_map_residual
 from fcsim.problem.rolling import GlobalRollingProblem
@@ -302,3 +304,38 @@ def test_a_file_in_the_place_of_a_folder_is_named(tmp_path: Path, command: str, 
     said = capsys.readouterr().err.splitlines()[-1]
     assert str(file) in said and "expected a folder to write into, found a file there or above it" in said
     assert file.read_text() == "something else"
+
+
+def _leaves(parser: argparse.ArgumentParser, name: str = "fcsim") -> Iterator[tuple[str, argparse.ArgumentParser]]:
+    below = [action for action in parser._actions if isinstance(action, argparse._SubParsersAction)]
+    for action in below:
+        for word, command in action.choices.items():
+            yield from _leaves(command, f"{name} {word}")
+    if not below:
+        yield name, parser
+
+
+def test_every_option_says_what_it_does_and_what_it_is_by_default() -> None:
+    commands = dict(_leaves(_parser()))
+    assert len(commands) > 20
+    for name, command in commands.items():
+        for action in command._actions:
+            assert action.help, f"{name} {action.dest}"
+            has_one = action.option_strings and action.nargs != 0 and action.default not in (None, [], argparse.SUPPRESS)
+            assert not has_one or "default" in action.help, f"{name} {action.option_strings[0]} does not say that {action.default} is taken"
+
+
+def test_what_the_system_refuses_is_said_in_words(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    """It was "[Errno 13] Permission denied: 'results'"."""
+    for number, said in (
+        (13, "results: expected a place that this user may read and write, got: Permission denied"),
+        (28, "results: No space"),
+    ):
+
+        def refused(*_: object, number: int = number, **__: object) -> None:
+            raise OSError(number, os.strerror(number), "results")
+
+        monkeypatch.setattr(Path, "mkdir", refused)
+        assert main(["new", "mine"]) == 2
+        error = capsys.readouterr().err
+        assert said in error and "Errno" not in error

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from fcsim.errors import InputError
-from fcsim.masonry import Acceleration, analyse, bracket, masonry_of_surfaces, pushed
+from fcsim.masonry import Acceleration, analyse, bracket, masonry_of_surfaces, pushed, read_model
 
 trimesh = pytest.importorskip("trimesh")
 
@@ -46,3 +46,9 @@ def test_a_column_falls_in_simulation_in_metres_as_in_millimetres_and_tonnes(col
     for seen in found:
         assert seen.fall == pytest.approx((0.4, 0.4), rel=0.011) and seen.fall[0] <= 0.4 * (1 + 1e-6)
     assert found[1].fall == pytest.approx(found[0].fall, rel=1e-9)
+
+
+def test_a_file_of_no_known_kind_is_told_all_that_are(tmp_path: Path) -> None:
+    """It was told the formats of surfaces alone, not that a JSON or a mesh would do."""
+    with pytest.raises(InputError, match=r"expected a model of blocks \(\.json, \.stl, .*\.msh, .*got '\.txt'"):
+        read_model(tmp_path / "wall.txt")

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fcsim import Case, Everything, Sensor, Simulation, Support, Theta, build_model
+from fcsim import Case, Everything, History, Sensor, Simulation, Support, Theta, build_model
 from fcsim.mesh import rigid_rectangle
 
 
@@ -27,13 +27,13 @@ def build(p):
     boxes = [rigid_rectangle("floor", (4.0, 0.5), (0.0, -0.25), 1.0), rigid_rectangle("box", (0.4, 0.2), (0.0, 0.1), 160.0)]
     model = build_model(boxes[:BODIES], supports=[Support("floor", ("x", "y", "rz"))], gravity=lambda t: (0.0, -9.81))
     simulation = Simulation(model, Everything(model, mu=0.3), Theta(1e-3), p.steps)
-    return Case("world", "A world", SIMULATION, sensors=(SENSORS))
+    return Case("world", "A world", SIMULATION, sensors=(SENSORS), plots=PLOTS)
 """
 
 
-def world(folder: Path, sensors: str = "", simulation: str = "simulation", bodies: int = 2) -> str:
+def world(folder: Path, sensors: str = "", simulation: str = "simulation", bodies: int = 2, plots: str = "{}") -> str:
     """Write the case and return its folder."""
-    text = SCRIPT.replace("BODIES", str(bodies)).replace("SIMULATION", simulation).replace("SENSORS", sensors)
+    text = SCRIPT.replace("BODIES", str(bodies)).replace("SIMULATION", simulation).replace("SENSORS", sensors).replace("PLOTS", plots)
     (folder / "world").mkdir()
     (folder / "world" / "world.py").write_text(text)
     return str(folder / "world")
@@ -73,6 +73,16 @@ def test_numbers_of_any_kind_are_measured(tmp_path: Path) -> None:
         ({"sensors": "Sensor('step', '', '', lambda step: 1.0),"}, "expected columns that no run has by itself, got 'step'"),
         ({"sensors": "Sensor('seconds_solve', '', '', lambda step: 1.0),"}, "expected columns that no run has by itself"),
         ({"sensors": "len,"}, "case 'world', sensors: expected each a Sensor, got builtin_function_or_method"),
+        (
+            {"sensors": "Sensor('a', '', '', len)"},
+            "case 'world', sensors: expected a tuple of Sensors, (first, second) or (one,), got Sensor",
+        ),
+        ({"plots": "{'impose': 'a'}"}, "case 'world', plots: expected some of imposed, reaction, bound, histories, got 'impose'"),
+        ({"plots": "{'reaction': 'a'}"}, "case 'world', plots: expected a tuple as 'reaction', as (one,), got 'a'"),
+        ({"plots": "{'histories': ('a',)}"}, "case 'world', plots: expected each of 'histories' a History, got str"),
+        ({"plots": "{'histories': (History('h', 'ab'),)}"}, "history 'h', columns: expected a tuple, as (one,), got 'ab'"),
+        ({"plots": "{'bound': 3.0}"}, "case 'world', plots: expected 'bound' as (value, label), got 3.0"),
+        ({"plots": "['a']"}, "case 'world', plots: expected a dictionary of some of imposed, reaction, bound, histories, got list"),
         ({"simulation": "list(simulation)"}, "case 'world', simulation: expected a Simulation, got list"),
     ],
 )
@@ -82,6 +92,15 @@ def test_cases_that_are_none(tmp_path: Path, capsys: pytest.CaptureFixture[str],
     error = capsys.readouterr().err
     assert said in error and "Traceback" not in error
     assert not (tmp_path / "out").exists()
+
+
+def test_a_parameter_without_a_default(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """After one that has a default: Python's dataclass ends the script with a traceback of its own."""
+    script = Path(world(tmp_path)) / "world.py"
+    script.write_text(script.read_text().replace("    steps: int = 3", "    steps: int = 3\n    mu: float"))
+    assert main(["run", str(script), "--out", str(tmp_path / "out")]) == 2
+    error = capsys.readouterr().err
+    assert "world.py, line " in error and "TypeError: non-default argument 'mu' follows default argument" in error
 
 
 def test_a_world_in_which_all_is_held(tmp_path: Path) -> None:

@@ -79,6 +79,13 @@ def test_links_that_lead_out_are_refused(case_folder: Path, run: Path, tmp_path:
     assert content(tmp_path / "elsewhere") == {"blocks.pvd": b"mine"}
 
 
+def test_a_link_to_what_is_not_there_is_named(case_folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """It was "cannot be made: File exists"."""
+    (tmp_path / "out").symlink_to("gone")
+    assert main(["run", str(case_folder), "--out", str(tmp_path / "out")]) == 2
+    assert "out: expected a folder for the results, found a link to gone, which is not there" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("options", [{"resume": True}, {"overwrite": True}])
 def test_one_writer_at_a_time(case_folder: Path, run: Path, options: dict[str, bool]) -> None:
     before = content(run)

@@ -57,6 +57,23 @@ def test_what_lies_on_a_slope_is_over_it(angle: float, along: float) -> None:
     assert Simulation(model, Everything(model, 0.3), Theta(1e-3), 10)._opening(at_rest(model, h=1e-3)) == ()
 
 
+@pytest.mark.parametrize("up", [0, 1])
+def test_supports_that_hold_nothing_along_gravity(up: int) -> None:
+    """The floor's support is forgotten, and another body is driven across: all fell, and nothing was said."""
+    size, place, gravity = np.full(2, 4.0), np.zeros(2), np.zeros(2)
+    size[up], place[up], gravity[up] = 1.0, 1.0, -9.81
+    bodies = [rigid_rectangle("floor", tuple(size), (0.0, 0.0), 1.0), rigid_rectangle("block", (1.0, 1.0), tuple(place), 1.0)]
+
+    def said(*supports: Support) -> tuple[str, ...]:
+        model = build_model(bodies, supports=supports, gravity=lambda t: gravity)
+        return Simulation(model, Everything(model, 0.5), Theta(1e-3), 10)._opening(at_rest(model, h=1e-3))
+
+    across, along = "yx"[up], "xy"[up]
+    (fall,) = said(Support("block", (across,), velocity=0.01), Support("block", ("rz",)))
+    assert f"no support holds any body along {along}, the way of gravity: all fall together" in fall
+    assert said(Support("block", (across,), velocity=0.01), Support("floor", (along,))) == ()
+
+
 def test_what_is_thrown_is_let_fly() -> None:
     assert plane(2.0, v=3.0) == () == plane(0.0, x=7.0, v=3.0)
 
