@@ -129,8 +129,8 @@ def refuse_endless(mu: FloatArray) -> None:
     most = float(np.max(mu, initial=0.0))
     if most > LARGEST:
         raise InputError(
-            f"mu: expected coefficients of friction up to {LARGEST:g}, got {most:g}, beyond which round-off hides what slides: what is never "
-            "to slide sticks at 100 as well, what is not to part either is a link (Tied, Bonded)"
+            f"mu: expected coefficients of friction up to {LARGEST:g}, got {most:g}, beyond which round-off hides what slides: what never "
+            "slides sticks at 100 as well, what is not to part either is a link (Tied, Bonded)"
         )
 
 

@@ -256,7 +256,7 @@ def _run(
                 error.add_note(f"and then: {another}")
             raise
         status, message = "interrupted", f"interrupted by {ended_by(error)}; go on with --resume"
-    outputs.end(describe_end)
+    outputs.end(describe_end, failed=status in ("not converged", "failed"))
     return Summary(
         status=status,
         message=message,
