@@ -105,3 +105,45 @@ def test_a_run_that_fails_before_its_first_instant_leaves_one(tmp_path: Path, fa
     if failing == 1:
         assert contacts.n_points == 1 and not np.any(contacts["reaction"]) and contacts["status"].tolist() == [0]
     assert {path.name for path in render(run, film=None) if path.parent.name == "pictures"} == {"bodies.png", "contacts.png"}
+
+
+ROLLS = """
+from dataclasses import dataclass
+
+import numpy as np
+
+from fcsim import Case, Everything, Simulation, Support, Theta, build_model
+from fcsim.mesh import rigid_rectangle
+from fcsim.mesh.solids.rigid_polygon import rigid_polygon
+from fcsim.timestep.state import at_rest
+
+
+@dataclass(frozen=True)
+class Parameters:
+    steps: int = 40
+    sides: int = 64
+
+
+def build(p: Parameters) -> Case:
+    angle = 2 * np.pi * (np.arange(p.sides) + 0.5) / p.sides - np.pi / 2
+    height = 0.1 * np.cos(np.pi / p.sides)
+    disk = rigid_polygon("disk", 0.1 * np.column_stack([np.cos(angle), np.sin(angle)]) + [0.0, height], density=2000.0)
+    floor = rigid_rectangle("floor", (2.0, 0.1), (0.0, -0.05), 1.0)
+    model = build_model([floor, disk], supports=[Support("floor", ("x", "y", "rz"))], gravity=lambda t: (0.0, -9.81))
+    initial = at_rest(model)
+    initial.v[3:] = [1.0, 0.0, -1.0 / height] if p.sides > 8 else [0.0, 0.0, 4.0]
+    contact = Everything(model, 0.5, curved=["disk"] if p.sides > 8 else [])
+    return Case("rolls", "It rolls", Simulation(model, contact, Theta(2e-3), p.steps, initial=initial))
+"""
+
+
+def test_what_a_disk_rolls_on_from_is_no_crack_and_what_a_box_rocks_on_is(tmp_path: Path) -> None:
+    (tmp_path / "rolls").mkdir()
+    (tmp_path / "rolls" / "rolls.py").write_text(ROLLS)
+    found = {}
+    for sides in (64, 4):
+        run = tmp_path / str(sides)
+        steps = 60 if sides == 64 else 10
+        run_case(load_case(tmp_path / "rolls"), {"sides": str(sides), "steps": str(steps)}, run, RunOptions(export_every=0, vtk_every=1))
+        found[sides] = {path.name for path in render(run, film=None) if path.parent.name == "pictures"}
+    assert "cracks.png" not in found[64] and "cracks.png" in found[4]
