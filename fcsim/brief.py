@@ -71,9 +71,13 @@ def _made(kind: Callable[..., object], given: dict[str, object]) -> object:
     return kind(**given)
 
 
-def refused(record: object) -> tuple[()]:
-    """`__reduce__` of what is not pickled."""
-    raise TypeError(
-        f"a {type(record).__name__} holds factors and matrices of its process, and is neither pickled nor copied: take what is needed of "
-        "it, as state, contacts, result"
-    )
+def refused(*parts: str) -> Callable[[object], tuple[()]]:
+    """`__reduce__` of what is not pickled, with the names of parts that are."""
+
+    def refuse(record: object) -> tuple[()]:
+        raise TypeError(
+            f"a {type(record).__name__} holds factors and matrices of its process, and is neither pickled nor copied: take what is needed "
+            f"of it, as {', '.join(parts)}"
+        )
+
+    return refuse

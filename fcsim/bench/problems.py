@@ -55,10 +55,13 @@ def _length(group: Group, name: str) -> int:
     return vector.shape[0]
 
 
-def entries(paths: Sequence[Path], form: str = "all", dimension: int | None = None) -> tuple[list[Entry], list[str]]:
+def entries(
+    paths: Sequence[Path], form: str = "all", dimension: int | None = None, unreadable: list[str] | None = None
+) -> tuple[list[Entry], list[str]]:
     """The problems of that form (global, local or all) and dimension (2, 3 or None for both) in files and folders, the small ones first.
 
-    Also a note for each that is left out: rolling friction, no contact. Raises InputError where there is none, or two of one name.
+    Also a note for each that is left out: rolling friction, no contact. unreadable: takes the errors of a folder's files that cannot be
+    read; None: they are raised, as those of files that are named themselves. Raises InputError where there is none, or two of one name.
     """
     found: list[Entry] = []
     notes: list[str] = []
@@ -66,7 +69,15 @@ def entries(paths: Sequence[Path], form: str = "all", dimension: int | None = No
         if not path.exists():
             raise InputError(f"{path}: expected a folder of FCLIB files, or such a file; it does not exist")
         files = sorted(path.rglob("*.hdf5")) if path.is_dir() else [path]
-        found += [_entry(file) for file in files if not file.name.startswith(".")]  # those with a dot are being written
+        for file in files:
+            if file.name.startswith("."):  # being written
+                continue
+            try:
+                found.append(_entry(file))
+            except InputError as error:
+                if unreadable is None or not path.is_dir():
+                    raise
+                unreadable.append(str(error))
     kept: dict[tuple[str, str], Entry] = {}
     for entry in found:
         if entry.dimension == ROLLING or entry.nc == 0:
@@ -77,5 +88,6 @@ def entries(paths: Sequence[Path], form: str = "all", dimension: int | None = No
                 raise InputError(f"{entry.path}: expected another name, {other.path} is a {entry.form} problem of the same")
     if not kept:
         wanted = f"FCLIB problems{'' if dimension is None else f' in {dimension}D'}{'' if form == 'all' else f' in {form} form'} (*.hdf5)"
-        raise InputError(f"{', '.join(map(str, paths))}: expected {wanted} with contacts, found none among {len(found)} files")
+        none = f"{', '.join(map(str, paths))}: expected {wanted} with contacts, found none among {len(found) + len(unreadable or ())} files"
+        raise InputError("; ".join([none, *(unreadable or ())[:1]]))
     return sorted(kept.values(), key=lambda entry: (entry.nc, entry.n, entry.name)), notes

@@ -26,13 +26,16 @@ BESIDE = (MANIFEST, "README.md", "picture.png", "distributions.png", "selection.
 def whole_folder(path: Path, overwrite: bool = False) -> Iterator[Path]:
     """Yield an empty folder beside `path` that takes its place if the block ends well and is removed if it does not.
 
-    Two processes that make the same collection do not touch each other's; what killed ones left is removed. Raises InputError where
-    `path` holds something, unless it is a collection, all of it, and may be overwritten.
+    What killed processes left is removed. Raises InputError where `path` holds something, unless it is a collection, all of it, and may be
+    overwritten, and where another process makes it: two that begin in the same moment do not touch each other's, the later one is refused
+    at its end.
     """
     refuse_folder(path, overwrite)
     path = resolved(path)
     path.parent.mkdir(parents=True, exist_ok=True)
     _remove_abandoned(path)
+    if _at_work(path):
+        raise InputError(f"{path}: another fcsim collection is making it; wait for its end, or choose another folder")
     temporary = Path(tempfile.mkdtemp(prefix=f".{path.name}.", suffix=PARTIAL, dir=path.parent))
     temporary.chmod(0o777 & ~_umask())  # mkdtemp lets nobody else in
     try:
@@ -55,9 +58,14 @@ def _umask() -> int:
     return current
 
 
+def _at_work(path: Path) -> list[Path]:
+    """Where this collection is made: folders of processes at work, and of killed ones."""
+    return list(path.parent.glob(f".{glob.escape(path.name)}.*{PARTIAL}"))
+
+
 def _remove_abandoned(path: Path) -> None:
     """Remove what processes that were killed left while they made this collection; those at work hold a lock."""
-    for folder in path.parent.glob(f".{glob.escape(path.name)}.*{PARTIAL}"):
+    for folder in _at_work(path):
         try:
             with alone_in(folder, "fcsim collection"):
                 shutil.rmtree(folder, ignore_errors=True)

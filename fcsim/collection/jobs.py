@@ -13,6 +13,7 @@ import numpy as np
 from fcsim.bench.workers.killable import FINISHED, Task, run_killable
 from fcsim.cluster import Cluster, run_jobs
 from fcsim.collection.build import Built, Progress, build_collection
+from fcsim.collection.folder import refuse_folder
 from fcsim.errors import InputError
 from fcsim.linear.storage import SUM_UP_TO
 from fcsim.running.case import Case
@@ -62,8 +63,10 @@ def build_limited(build: Build) -> tuple[str, Built | None]:
 
 
 def build_by_job(build: Build, cluster: Cluster) -> Built:
-    """Have a collection built by a job, whose files stand beside it until then. InputError where that did not end well, with the reason."""
+    """Have a collection built by a job, whose files stand beside it until then. InputError where that did not end well, with the reason,
+    and before it begins where the collection may not be written."""
     out = Path(build.out)
+    refuse_folder(out, build.overwrite, Path(build.source))
     folder = out.resolve().with_name(f".{out.name}.job")
     with closing(run_jobs(build_limited, [build], folder, cluster, "fcsim-collection")) as jobs:
         for news in jobs:

@@ -119,6 +119,21 @@ class FrictionTerms(NamedTuple):
     frame: FloatArray | None = None
 
 
+LARGEST = 1e6
+"""Coefficient of friction. In the problem mu ||u_T|| stands beside u_N: with 1e6 the round-off of u_T, 1e-16, is a hundredth of the
+tolerance of 1e-8, with 1e8 as large (dynamics of a block met it, statics did not), with 1e10 all solvers stagnate, at 6e-7 and above."""
+
+
+def refuse_endless(mu: FloatArray) -> None:
+    """InputError for coefficients beyond `LARGEST`."""
+    most = float(np.max(mu, initial=0.0))
+    if most > LARGEST:
+        raise InputError(
+            f"mu: expected coefficients of friction up to {LARGEST:g}, got {most:g}, beyond which round-off hides what slides: what never "
+            "slides sticks at 100 as well, what is not to part either is a link (Tied, Bonded)"
+        )
+
+
 def friction_terms(friction: Friction | Elliptic | None, meeting: Meeting) -> FrictionTerms:
     """Return what a law's friction gives; None is the pairs' own coefficient."""
     contacts = meeting.contacts

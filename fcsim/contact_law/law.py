@@ -41,6 +41,10 @@ class Timing:
     moving: bool = True
 
 
+OF_ONE_STEP = ("rate",)
+"""What laws remember of the last step alone: contacts that were not met in it have none."""
+
+
 @dataclass(frozen=True, eq=False)
 class Variables:
     """What laws remember by contact: identity (k,) ascending; values by name, each (k,) or (k, c); stored [J], what joints hold; breaking,
@@ -62,7 +66,7 @@ class Variables:
         return np.where(known.reshape(-1, *[1] * (fresh.ndim - 1)), self.values[name][place], fresh)
 
     def merged(self, identity: IntArray, values: Mapping[str, FloatArray], stored: float, breaking: Breaking | None = None) -> Variables:
-        """These with the contacts' new values; contacts that are not met keep theirs, missing variables are NaN."""
+        """These with the contacts' new values; contacts that are not met keep theirs but for `OF_ONE_STEP`, missing variables are NaN."""
         absent = ~np.isin(self.identity, identity)
         everyone = np.concatenate([self.identity[absent], identity])
         order = np.argsort(everyone, kind="stable")
@@ -70,7 +74,7 @@ class Variables:
         for name in dict.fromkeys([*self.values, *values]):
             old, new = self.values.get(name), values.get(name)
             shape = (new if new is not None else old).shape[1:]  # type: ignore[union-attr]
-            old = np.full((len(self.identity), *shape), np.nan) if old is None else old
+            old = np.full((len(self.identity), *shape), np.nan) if old is None or name in OF_ONE_STEP else old
             new = np.full((len(identity), *shape), np.nan) if new is None else new
             joined[name] = np.concatenate([old[absent], new])[order]
         return Variables(everyone[order], joined, stored, breaking)

@@ -92,3 +92,15 @@ def contains(law: object, kind: type) -> bool:
     """Whether a law, one that it stands beside, or one of a table is of a kind."""
     within = (*getattr(law, "laws", ()), *([law.law] if isinstance(law, _Resistance) else []))
     return isinstance(law, kind) or any(contains(other, kind) for other in within)
+
+
+def resists_both(law: object) -> bool:
+    """Whether a law, or one of a table, gives a contact rolling and spinning resistance."""
+    if isinstance(law, _Resistance):
+        own, within = law, law.law
+        while isinstance(within, _Resistance):
+            if own.resistance > 0 and within.resistance > 0:
+                return True
+            own, within = within, within.law
+        return resists_both(within)
+    return any(resists_both(other) for other in getattr(law, "laws", ()))

@@ -7,6 +7,7 @@ In dynamics v, u are velocities [m/s] and r impulses [N s]; in quasi-statics v, 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Protocol, cast, runtime_checkable
@@ -15,7 +16,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from fcsim.arrays import FloatArray, Matrix
-from fcsim.brief import brief
+from fcsim.brief import brief, by_fields
 from fcsim.errors import InputError
 from fcsim.linear.late.late_rows import source_of
 from fcsim.linear.over_ranks.implicit_matrix import ImplicitMatrix, LateMatrix, with_entries
@@ -81,7 +82,8 @@ def as_matrix(values: object, what: str, shape: tuple[int, int]) -> Matrix:
 
 def _friction(values: object, m: int, dimension: int) -> FloatArray:
     if dimension not in (2, 3) or isinstance(dimension, float):
-        raise InputError(f"dimension: expected 2 or 3, got {dimension}")
+        rolls = " unknowns a contact: with rolling resistance take fcsim.problem.rolling.RollingReduction" if dimension in (5, 6) else ""
+        raise InputError(f"dimension: expected 2 or 3, got {dimension}{rolls}")
     mu = as_vector(values, "mu")
     if len(mu) * dimension != m:
         what = f"mu: expected a friction coefficient for every {dimension} contact unknowns in {dimension}D"
@@ -269,6 +271,10 @@ class LocalProblem:
     shares: KnownShares | None = None
 
     __repr__ = brief
+
+    def __reduce__(self) -> tuple[Callable[..., object], tuple[object, ...]]:
+        """With all of W, and without the shares, which are made late by factors of this process."""
+        return by_fields(replace(self.whole, shares=None))
 
     def __post_init__(self) -> None:
         q = as_vector(self.q, "q")

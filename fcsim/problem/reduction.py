@@ -17,7 +17,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from fcsim.arrays import BoolArray, FloatArray, IntArray, Matrix
-from fcsim.brief import brief
+from fcsim.brief import brief, refused
 from fcsim.errors import InputError
 from fcsim.linear import storage
 from fcsim.linear.factors import DenseCholesky, DenseLU, Factor, SingularMatrix, factorise, inverse_on
@@ -200,7 +200,7 @@ class Reduction:
     problem: GlobalForm
     factor: MassFactor
 
-    __repr__ = brief
+    __repr__, __reduce__ = brief, refused("problem", "local")
 
     @cached_property
     def _H(self) -> sp.sparray:
@@ -249,7 +249,7 @@ class Reduction:
 
     @cached_property
     def local(self) -> LocalProblem:
-        """The local form W, q, mu."""
+        """The local form W, q, mu; InputError for problems with rolling or spinning resistance."""
         p = self.problem
         W = self.delassus(p.dimension)
         return LocalProblem(W, self.q, p.mu, dimension=p.dimension, motion=_motion(p, W), shares=self._shares(W))

@@ -23,6 +23,7 @@ from fcsim.running.step_table import Row, StepTable, write_hdf5
 from fcsim.running.vtk_series import SeriesWriter
 from fcsim.runtime import release_freed_memory, threads
 from fcsim.timestep.simulation import Simulation
+from fcsim.timestep.state import at_rest
 from fcsim.timestep.step import Step
 from fcsim.version import __version__
 from fcsim.witness import Witness
@@ -161,9 +162,9 @@ class Outputs:
             self._compressor,
         )
 
-    def end(self, describe_end: Callable[[], None]) -> None:
+    def end(self, describe_end: Callable[[], None], failed: bool = False) -> None:
         """Write what is written last: what was taken before, checkpoint, table with units, and then the description, so that a run that is
-        killed meanwhile is not said to have finished.
+        killed meanwhile is not said to have finished; of one that failed before its first instant also that, see `_only_instant`.
 
         On a full disk each is tried all the same. Raises the first error once all were.
         """
@@ -174,7 +175,8 @@ class Outputs:
             first = first or cast(Exception | None, self._writing.popleft().exception())
         if self._beside is not None:
             self._beside.shutdown()
-        for write in (self._table.close, self._last_checkpoint, self._table_with_units, describe_end):
+        pictured = (self._only_instant,) if failed else ()
+        for write in (self._table.close, self._last_checkpoint, self._table_with_units, *pictured, describe_end):
             try:
                 write()
             except (OSError, RuntimeError) as error:  # HDF5 has both where a disk is full
@@ -185,6 +187,23 @@ class Outputs:
     def _last_checkpoint(self) -> None:
         if self.last is not None:
             write_checkpoint(self._directory / "checkpoint.h5", self.last, self._origin)
+
+    def _only_instant(self) -> None:
+        """Where a run has ended without an instant in its series: its last step, or the state in which it began and the contacts of its
+        first step as they are found. What goes wrong there is not said beside why the run ended."""
+        series, simulation = self._series, self._case.simulation
+        if series is None or not series.empty:
+            return
+        if self.last is not None:
+            series.write(self.last)
+            return
+        model, scheme = simulation.model, simulation.scheme
+        try:
+            state = simulation.initial or at_rest(model, h=scheme.h)
+            contacts = simulation.detector(model.positions(scheme.detection_configuration(model, state)))
+        except InputError:
+            return
+        series.write_beginning(state, contacts)
 
     def _table_with_units(self) -> None:
         write_hdf5(self._directory / "steps.csv", self._directory / "steps.h5", self._case.sensors)
@@ -202,5 +221,5 @@ class Unwritten:
     def finish(self) -> None:
         return
 
-    def end(self, describe_end: Callable[[], None]) -> None:
+    def end(self, describe_end: Callable[[], None], failed: bool = False) -> None:
         return

@@ -27,6 +27,7 @@ from fcsim.running.checkpoint import read_checkpoint
 from fcsim.running.description import Description, SeenOverlap, write_description, write_end
 from fcsim.running.outputs import Outputs, RunOptions, Unwritten, witnessed
 from fcsim.running.parameters import parse_parameters
+from fcsim.running.refusals.fclib_files import refuse_fclib_files
 from fcsim.running.refusals.own_files import check_folder, empty, make_folder
 from fcsim.running.refusals.same_case import same_case, shared_work
 from fcsim.running.refusals.size import size_of
@@ -131,6 +132,7 @@ def run_case(
         with files_read() as read:
             case = script.build(parameters)
         refuse_taken(case.name, case.sensors)
+        refuse_fclib_files(case.simulation.scheme.law, options.export_every, options.export_forms)
         case = replace(case, simulation=witnessed(case.simulation, options))
         size = size_of(case.simulation)
         size.refuse()
@@ -254,7 +256,7 @@ def _run(
                 error.add_note(f"and then: {another}")
             raise
         status, message = "interrupted", f"interrupted by {ended_by(error)}; go on with --resume"
-    outputs.end(describe_end)
+    outputs.end(describe_end, failed=status in ("not converged", "failed"))
     return Summary(
         status=status,
         message=message,

@@ -8,11 +8,15 @@ from typing import TYPE_CHECKING
 from fcsim.mesh.part import Body, RigidBody
 from fcsim.running.series.bodies import Blocks, RigidSurfaces
 from fcsim.running.series.collection import COLLECTION, SERIES, Entry, earlier_collections, entries_in, write_collection
-from fcsim.running.series.points import contact_points, link_points
+from fcsim.running.series.points import contact_points, found_points, link_points
 from fcsim.running.series.vtk import VTK
 
 if TYPE_CHECKING:
+    from vtkmodules.vtkCommonDataModel import vtkPolyData, vtkUnstructuredGrid
+
     from fcsim.assembly.model import Model
+    from fcsim.contact_detection.contacts import Contacts
+    from fcsim.timestep.state import State
     from fcsim.timestep.step import Step
 
 
@@ -61,18 +65,31 @@ class SeriesWriter:
         step.contact_status (nc,); step.result.u [m/s]; step.rolling_moment; step.spinning_moment;
         step.law_variables. Entries of the same or a later time are replaced.
         """
-        t = float(step.state.t)
-        displacement = self._model.node_displacement(step.state.x)
-        velocity = self._model.node_velocity(step.state.v, step.state.x)
-        datasets = {"contacts": (contact_points(self._vtk, step, displacement), "vtp")}
-        if self._blocks:
-            strained = self._model.strained_displacement(step.state.x)
-            datasets["blocks"] = (self._blocks.dataset(displacement, velocity, strained, step.state), "vtu")
-        if self._rigid:
-            datasets["rigid"] = (self._rigid.dataset(displacement, velocity), "vtp")
+        datasets = {"contacts": (contact_points(self._vtk, step, self._model.node_displacement(step.state.x)), "vtp")}
         if step.linked is not None:
             datasets["links"] = (link_points(self._vtk, step, step.linked), "vtp")
-        files = {name: f"{name}_{step.number:05d}.{datasets[name][1]}" for name in SERIES if name in datasets}
+        self._write(step.number, step.state, datasets)
+
+    def write_beginning(self, state: State, contacts: Contacts) -> None:
+        """Write the state in which a run begins, and the contacts found there, as instant 0: all that a run leaves that fails at once."""
+        displacement = self._model.node_displacement(state.x)
+        self._write(0, state, {"contacts": (found_points(self._vtk, self._model, contacts, displacement, state.t), "vtp")})
+
+    @property
+    def empty(self) -> bool:
+        """Whether there is no instant yet."""
+        return not self._entries
+
+    def _write(self, number: int, state: State, datasets: dict[str, tuple[vtkPolyData | vtkUnstructuredGrid, str]]) -> None:
+        """Write the bodies and the other data sets of an instant."""
+        t = float(state.t)
+        displacement, velocity = self._model.node_displacement(state.x), self._model.node_velocity(state.v, state.x)
+        if self._blocks:
+            strained = self._model.strained_displacement(state.x)
+            datasets["blocks"] = (self._blocks.dataset(displacement, velocity, strained, state), "vtu")
+        if self._rigid:
+            datasets["rigid"] = (self._rigid.dataset(displacement, velocity), "vtp")
+        files = {name: f"{name}_{number:05d}.{datasets[name][1]}" for name in SERIES if name in datasets}
         for name, file in files.items():
             self._vtk.write(datasets[name][0], self.directory / file, t)
         written = set(files.values())

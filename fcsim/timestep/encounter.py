@@ -17,7 +17,9 @@ from fcsim.contact_detection.contacts import Contacts, join
 from fcsim.contact_detection.skin.boundary import joined_by_facets
 from fcsim.contact_law.coulomb import Gap
 from fcsim.contact_law.driven import Driven, moved_by_supports, refuse_driven, without_force
+from fcsim.contact_law.friction import refuse_endless
 from fcsim.contact_law.law import NOTHING, Implicit, Law, Meeting, Outcome, Terms, Variables
+from fcsim.contact_law.one_point import at_one_point
 from fcsim.contact_law.proportions import Proportions
 from fcsim.contact_law.rolling_rows import ROWS, SPINNING_ROWS, moment_matrix, widened, with_moments
 from fcsim.linear.sparse.columns import times, transposed_times
@@ -254,10 +256,13 @@ def under_law(
             through = passing(left, moved, proportions)
         contacts, bend = contacts.take(chosen), None if bend is None else bend[chosen]
     H = model.contact_matrix(contact_matrix(contacts, model.n_nodes), configuration)
+    if scheme.timing.moving:
+        at_one_point(model, H, contacts)
     shape = (len(contacts), contacts.dimension)
     before = transposed_times(H, scheme.velocity_before(model, state)).reshape(shape) if scheme.timing.moving else np.zeros(shape)
     meeting = Meeting(contacts, positions, before, state.t, scheme.timing, variables, proportions, bend, trial)
     terms, driven = law.terms(meeting), None
+    refuse_endless(terms.mu)
     apart = moved_by_supports(model, H, contacts.dimension, proportions)
     if apart.any() and without_force(terms):
         driven, H, meeting = _separated(H, meeting, apart)

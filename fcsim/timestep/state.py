@@ -11,7 +11,7 @@ import numpy as np
 from fcsim.arrays import FloatArray
 from fcsim.assembly.model import Model
 from fcsim.assembly.supports import Support
-from fcsim.brief import brief
+from fcsim.brief import brief, by_fields
 from fcsim.errors import InputError
 
 START = 1e-6
@@ -33,7 +33,7 @@ class State:
     inertia: FloatArray | None = None
     internal: FloatArray | None = None
 
-    __repr__ = brief
+    __repr__, __reduce__ = brief, by_fields
 
     @cached_property
     def _kept(self) -> dict[tuple[object, ...], tuple[Model, FloatArray]]:

@@ -142,7 +142,7 @@ class Step:
     penetration: float = 0.0
     struck: Energy | None = None
 
-    __repr__, __reduce__ = brief, refused
+    __repr__, __reduce__ = brief, refused("state", "contacts", "result")
 
     @property
     def memory(self) -> tuple[Reactions, ...]:

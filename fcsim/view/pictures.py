@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fcsim.running.folder import Instant, RunFolder
-from fcsim.view.joints import Joints, find_joints
+from fcsim.view.joints import Joints, find_joints, without_moved_on
 from fcsim.view.joints.draw import crack_colours, draw_joints, opened
 from fcsim.view.scene import Scene, Survey, colour_map, gravity_of, read
 from fcsim.view.style import BLUE, GREY, RED, STYLE, figure, matplotlib, prefixed, save
@@ -46,7 +46,7 @@ def write_pictures(
         with Scene(seen, "front", margin=LONGEST_SEGMENT / 3) as scene:
             if last.contacts is not None:
                 written.append(save(contact_figure(run, scene, last), directory / "contacts.png"))
-            joints = find_joints(run.instants[0], seen.planar)
+            joints = without_moved_on(find_joints(run.instants[0], seen.planar), last)
             if (cracks := crack_figure(run, scene, last, joints)) is not None:
                 written.append(save(cracks, directory / "cracks.png"))
         progress(3, 3)

@@ -32,7 +32,8 @@ def render(
     DIR/plots/NAME.png                                                  the histories that the case declares
     DIR/pictures/stress.png, instants.png, contacts.png                 from vtk/, where the run wrote a series; of rigid bodies alone
                                                                         bodies.png in the place of stress.png
-    DIR/pictures/cracks.png                                             joints by their opening, where any has opened
+    DIR/pictures/cracks.png                                             joints by their opening, where any has opened, but
+                                                                        those that bodies have rolled on from
     DIR/film.gif or film.mp4                                            likewise, unless `film` is None
     DIR/page.html                                                       where `page` says so: bodies in space over time, curves, numbers,
                                                                         see `fcsim.view.page`

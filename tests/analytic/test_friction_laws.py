@@ -16,6 +16,7 @@ from fcsim.errors import InputError
 from fcsim.export_fclib import read_fclib, write_fclib
 from fcsim.mesh.blocks import brick, rigid_box
 from fcsim.mesh.material import Material
+from fcsim.mesh.material.energies import saint_venant_kirchhoff
 from fcsim.mesh.part import Body
 from fcsim.solvers import solve
 from fcsim.timestep.quasi_static import QuasiStatic
@@ -234,3 +235,45 @@ def test_in_statics_the_rate_is_the_way_of_the_last_load_step(friction: Friction
     ratio = [abs(x / z) for x, _, z in (step.contact_force_on(model.number["block"]) for step in steps[round(1 / h) :])]
     assert ratio[0] == pytest.approx(0.5)
     assert ratio[-1] == pytest.approx(sliding, rel=1e-3)
+
+
+@pytest.mark.parametrize("bodies", ["rigid", "deformable"])
+def test_friction_up_to_its_largest_coefficient_holds(bodies: str) -> None:
+    """mu = 1e6: what is pushed by 0.2 of its weight stays, with that force; more is refused, numbers as the run begins."""
+    soft = bodies == "deformable"
+    part = brick("box", (1.0, 1.0, 0.5), (2, 2, 2), Material(1e8, 0.2, 2000.0))
+    box = Body("box", part, translation=(-0.5, -0.5, 0.0)) if soft else rigid_box("box", (1, 1, 0.5), (0, 0, 0.25), 1000.0)
+    floor = rigid_box("floor", (4, 4, 1), (0, 0, -0.5), 1.0)
+    model = build_model([box, floor], supports=[Support("floor", HELD)], gravity=lambda t: (2.0, 0.0, -10.0), beta=1e-3)
+    scheme = QuasiStatic(1.0, eta=1.0) if soft else Theta(1e-3)
+    *_, step = Simulation(model, Everything(model, 1e6), scheme, 3)
+    assert step.contact_force_on(model.number["box"]) == pytest.approx([-2000.0, 0.0, 10000.0], rel=1e-3, abs=1.0)
+    for mu in (1e7, {("box", "floor"): 1e12}):
+        with pytest.raises(InputError, match=r"expected coefficients of friction up to 1e\+06, got 1e\+"):
+            Simulation(model, Everything(model, mu), scheme, 3)
+    late = Simulation(model, Everything(model, lambda one, other: 1e12), scheme, 3)
+    with pytest.raises(InputError, match=r"up to 1e\+06, got 1e\+12"):
+        list(late)
+
+
+def test_what_was_lifted_is_at_rest_when_it_meets_again() -> None:
+    """Pressed, drawn until it slides at mu = 0.2, lifted far out of reach, and pressed while it is drawn on: what comes to bear has
+    no rate, mu = 0.5, and slides at 0.2 from the next load step on. Of bodies of finite strain, whose contacts are those where a step ends,
+    it had kept the rate from before it was lifted."""
+    material = saint_venant_kirchhoff(1e8, 0.0, 1000.0)
+    block = Body("block", brick("block", (1, 1, 1), (1, 1, 1), material))
+    floor = rigid_box("floor", (4, 4, 1), (0.5, 0.5, -0.5), 1.0)
+    times = [0.0, 1.0, 4.0, 5.0, 6.0, 9.0]
+    supports = [
+        Support("floor", HELD),
+        Support("block", ("z",), "z+", displacement=lambda t: float(np.interp(t, times, [0, -1e-3, -1e-3, 0.2, -1e-3, -1e-3]))),
+        Support("block", ("x",), "z+", displacement=lambda t: float(np.interp(t, times, [0, 0, 0.06, 0.06, 0.08, 0.14]))),
+        Support("block", ("y",), "z+"),
+    ]
+    model = build_model([block, floor], supports=supports)
+    law = Gap(friction=StaticKinetic(0.5, 0.2))
+    forces = [
+        step.contact_force_on(model.number["block"]) for step in Simulation(model, Everything(model, 0.5), QuasiStatic(1.0, law=law), 9)
+    ]
+    assert not np.any(forces[4])  # in the air
+    assert [abs(x / z) for x, _, z in (forces[k] for k in (1, 3, 5, 6, 8))] == pytest.approx([0.5, 0.2, 0.5, 0.2, 0.2], rel=1e-3)

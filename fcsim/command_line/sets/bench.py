@@ -59,7 +59,8 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         "bench",
         help="measure solvers on a folder of problems",
         description=DESCRIPTION,
-        epilog="Exit codes: 0 all measurements are made, whatever they say; 2 bad input; 130 interrupted, the same command goes on.",
+        epilog="Exit codes: 0 all measurements are made, whatever they say; 2 bad input, or files of a folder that cannot be "
+        "read; 130 interrupted, the same command goes on.",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     bench.add_argument("paths", type=Path, nargs="+", metavar="DIR", help="folders of FCLIB files, or such files")
@@ -92,7 +93,8 @@ def _bench(options: argparse.Namespace) -> int:
     check_measuring(options)
     tols, solvers = tolerances_of(options.tols), solvers_of(options.solvers, options.siconos)
     settings = settings_of(options, solvers)
-    problems, notes = entries(options.paths, options.form, options.dimension)
+    unreadable: list[str] = []
+    problems, notes = entries(options.paths, options.form, options.dimension, unreadable)
     directory = options.out or Path("results") / "bench" / options.paths[0].resolve().stem
     limits = Limits(options.time_limit, options.memory_limit, options.skip_hopeless)
     about = {
@@ -100,6 +102,7 @@ def _bench(options: argparse.Namespace) -> int:
         "paths": list(map(str, options.paths)),
         "form": options.form,
         "dimension": options.dimension,
+        "unreadable": unreadable,
     }
     try:
         progress = measured(options, problems, solvers, tols, limits, settings, directory, about)
@@ -109,11 +112,19 @@ def _bench(options: argparse.Namespace) -> int:
         return EXIT_OK
     names = {problem.name for problem in problems}
     _print_summary([m for m in read_results(directory) if m.problem in names and m.solver in solvers and m.tol in tols])
-    for note in [*notes, *progress.notes]:
+    lost = [*unreadable, *progress.notes]
+    if lost:
+        print_table(("file", "", "why"), [_file_and_reason(error) for error in lost], title="files that were left out")
+    for note in [*notes, *lost]:
         say(note, to_stderr=True)
     say(f"{progress.measured} measurements made, {progress.done} of {progress.total} in {directory / FILE}")
     say(f"profiles: fcsim profile {shlex.quote(str(directory))}")
-    return EXIT_BAD_INPUT if progress.notes else EXIT_OK
+    return EXIT_BAD_INPUT if lost else EXIT_OK
+
+
+def _file_and_reason(error: str) -> tuple[str, str, str]:
+    file, _, reason = error.partition(": ")
+    return file, "unreadable", reason
 
 
 def _print_summary(measurements: Sequence[Measurement]) -> None:

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import argparse
+import json
 import os
 import platform
 import shlex
 from collections.abc import Sequence
+from datetime import timedelta
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -111,16 +113,46 @@ def _solvers(options: argparse.Namespace) -> tuple[list[str], str]:
 
 
 def _refuse_foreign(folder: Path) -> None:
-    """InputError for a folder of other files, as of FCLIB files that were to be measured on: problems and tables would lie among them."""
-    if not folder.is_dir() or (folder / "bench.json").exists():
+    """InputError for a folder of other files, as of FCLIB files that were to be measured on, or of a bench of its own: problems and tables
+    would lie among them."""
+    from fcsim.bench.families.files import NOTE
+
+    if folder.exists() and not folder.is_dir():
+        raise InputError(f"{folder}: expected a folder for the leaderboard, a new one or its own, found a file")
+    if not folder.is_dir():
         return
-    others = sorted(entry.name for entry in folder.iterdir() if entry.name != PROBLEMS and not entry.name.startswith("."))
-    if others:
+    command = _made_by(folder / "bench.json")
+    if command is not None and command[:2] != ["fcsim", "leaderboard"]:
+        raise InputError(f"{folder}: expected a folder for the leaderboard, a new one or its own, found a bench ({shlex.join(command)})")
+    made = (folder / PROBLEMS / NOTE).is_file()  # by a leaderboard that was interrupted before it measured
+    others = sorted(entry.name for entry in folder.iterdir() if not (made and entry.name == PROBLEMS))
+    if others and command is None:
         few = ", ".join(others[:3]) + (", ..." if len(others) > 3 else "")
         raise InputError(
             f"{folder}: expected a folder for the leaderboard, a new one or its own, found other files ({few}); files to measure on "
             f"are given by --fclib {shlex.quote(str(folder))}"
         )
+
+
+def _made_by(note: Path) -> list[str] | None:
+    """The words of the command whose results lie beside a bench.json; None without one."""
+    if not note.exists():
+        return None
+    try:
+        return shlex.split(json.loads(note.read_text(encoding="utf-8"))["command"])
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        raise InputError(f"{note}: expected the note of fcsim leaderboard on its results, JSON ({error})") from None
+
+
+def _announce(options: argparse.Namespace, problems: int, solvers: Sequence[str], tols: Sequence[float]) -> None:
+    """Say what is about to be done, how long it may take, and where it will be: a bench is long, and begins at once."""
+    solves = problems * len(solvers) * len(tols)
+    most = timedelta(seconds=round(solves * options.time_limit / options.jobs))
+    say(
+        f"fcsim leaderboard: {problems} problems x {len(solvers)} solvers x {len(tols)} tolerances, up to {solves} solves of at most "
+        f"{options.time_limit:g} s, {most} if all take as long; into {options.folder}; interrupted, the same command goes on",
+        to_stderr=True,
+    )
 
 
 def _problems(options: argparse.Namespace) -> tuple[list[Entry], dict[tuple[str, str], tuple[str, str, bool | None]], list[str]]:
@@ -226,6 +258,7 @@ def _leaderboard(options: argparse.Namespace) -> int:
     limits = Limits(options.time_limit, options.memory_limit)
     try:
         problems, places, notes = _problems(options)
+        _announce(options, len(problems), solvers, tols)
         command = command_of(options)
         progress = measured(options, problems, solvers, tols, limits, settings, options.folder, {"command": command})
     except KeyboardInterrupt as interrupt:

@@ -7,11 +7,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from fcsim.arrays import FloatArray
 from fcsim.running.series.vtk import VTK, in_space
 
 if TYPE_CHECKING:
     from vtkmodules.vtkCommonDataModel import vtkPolyData
 
+    from fcsim.assembly.model import Model
+    from fcsim.contact_detection.contacts import Contacts
     from fcsim.timestep.links.linked import Linked
     from fcsim.timestep.step import Step
 
@@ -35,6 +38,40 @@ def contact_points(vtk: VTK, step: Step, displacement: NDArray) -> vtkPolyData:
     contacts, nc = step.contacts, len(step.contacts)
     force = np.asarray(step.contact_force).reshape(nc, contacts.dimension)
     sliding = np.asarray(step.result.u).reshape(nc, -1 if nc else contacts.dimension)[:, 1 : contacts.dimension]
+    points = _points(vtk, step.model, contacts, displacement, force, sliding, np.asarray(step.contact_status), step.state.t)
+    if (moment := step.rolling_moment) is not None:
+        points.GetPointData().AddArray(vtk.array("rolling_moment", np.hypot(*moment.T)))
+        points.GetPointData().AddArray(vtk.array("rolling", step.rolling.astype(np.int8)))
+    if (about_normal := step.spinning_moment) is not None:
+        points.GetPointData().AddArray(vtk.array("spinning_moment", about_normal))
+        points.GetPointData().AddArray(vtk.array("spinning", step.spinning.astype(np.int8)))
+    for name, values in step.law_variables.items():
+        points.GetPointData().AddArray(vtk.array(name, values if values.ndim == 1 else in_space(values)))
+    seen = step.overlap
+    if seen is not None and seen.bodies is not None:
+        points.GetFieldData().AddArray(vtk.array("overlap", np.array([seen.depth])))
+        points.GetFieldData().AddArray(vtk.array("overlap_place", in_space(np.array([seen.point]))))
+    return points
+
+
+def found_points(vtk: VTK, model: Model, contacts: Contacts, displacement: NDArray, t: float) -> vtkPolyData:
+    """Contacts as they were found, of a step that has no answer: no forces, all of them open."""
+    nothing = np.zeros((len(contacts), contacts.dimension))
+    return _points(vtk, model, contacts, displacement, nothing, nothing[:, 1:], nothing[:, 0], t)
+
+
+def _points(
+    vtk: VTK,
+    model: Model,
+    contacts: Contacts,
+    displacement: NDArray,
+    force: FloatArray,
+    sliding: FloatArray,
+    status: NDArray,
+    t: float,
+) -> vtkPolyData:
+    """What contacts have whatever their law; force [N], sliding [m/s] in their frames."""
+    nc = len(contacts)
     points = vtk.data.vtkPolyData()
     points.SetPoints(vtk.points(contacts.point))
     points.SetVerts(vtk.cells(np.arange(nc + 1), np.arange(nc)))
@@ -43,7 +80,7 @@ def contact_points(vtk: VTK, step: Step, displacement: NDArray) -> vtkPolyData:
         "reaction_normal": force[:, 0],
         "reaction_tangential": np.linalg.norm(force[:, 1:], axis=1),
         "gap": contacts.gap,
-        "status": np.asarray(step.contact_status, dtype=np.int8),
+        "status": status.astype(np.int8),
         "sliding_velocity": np.linalg.norm(sliding, axis=1),
         "mu": contacts.mu,
         "slave": contacts.bodies[:, 0].astype(np.int32),
@@ -53,19 +90,7 @@ def contact_points(vtk: VTK, step: Step, displacement: NDArray) -> vtkPolyData:
         "displacement": in_space(np.einsum("ak,akj->aj", contacts.on_master, displacement[contacts.nodes])),
     }.items():
         points.GetPointData().AddArray(vtk.array(name, values))
-    if (moment := step.rolling_moment) is not None:
-        points.GetPointData().AddArray(vtk.array("rolling_moment", np.hypot(*moment.T)))
-        points.GetPointData().AddArray(vtk.array("rolling", step.rolling.astype(np.int8)))
-    if (about_normal := step.spinning_moment) is not None:
-        points.GetPointData().AddArray(vtk.array("spinning_moment", about_normal))
-        points.GetPointData().AddArray(vtk.array("spinning", step.spinning.astype(np.int8)))
-    for name, values in step.law_variables.items():
-        points.GetPointData().AddArray(vtk.array(name, values if values.ndim == 1 else in_space(values)))
-    points.GetFieldData().AddArray(vtk.texts("body_names", (body.name for body in step.model.bodies)))
-    if step.model.gravity is not None:
-        points.GetFieldData().AddArray(vtk.array("gravity", in_space(np.array([step.model.gravity(step.state.t)], dtype=float))))
-    seen = step.overlap
-    if seen is not None and seen.bodies is not None:
-        points.GetFieldData().AddArray(vtk.array("overlap", np.array([seen.depth])))
-        points.GetFieldData().AddArray(vtk.array("overlap_place", in_space(np.array([seen.point]))))
+    points.GetFieldData().AddArray(vtk.texts("body_names", (body.name for body in model.bodies)))
+    if model.gravity is not None:
+        points.GetFieldData().AddArray(vtk.array("gravity", in_space(np.array([model.gravity(t)], dtype=float))))
     return points

@@ -4,13 +4,17 @@ from __future__ import annotations
 
 from types import NoneType
 
+import numpy as np
+
 from fcsim.arrays import is_number
 from fcsim.assembly.model import Model
 from fcsim.brief import shown
+from fcsim.contact_law.friction import refuse_endless
 from fcsim.errors import InputError
 from fcsim.linkage import Linkage
 from fcsim.timestep.chain import SolverSettings
 from fcsim.timestep.limits import Limits
+from fcsim.timestep.remarks.unlikely import coefficients
 from fcsim.timestep.state import State
 from fcsim.witness import Witness
 
@@ -32,6 +36,7 @@ def refuse_arguments(simulation: object, model: object, detector: object, scheme
             "Simulation, detector: expected where bodies may touch, Everything(model, mu=0.5) or Detector([SurfacePair(...)], "
             f"model.n_nodes), got {type(detector).__name__}"
         )
+    refuse_endless(np.array(coefficients(detector)))
     if not hasattr(scheme, "timing"):
         raise InputError(f"Simulation, scheme: expected one as Theta(h=1e-3), QuasiStatic(h=0.1) or GeneralisedAlpha(...), got {scheme!r}")
     for name, kinds in _KINDS.items():

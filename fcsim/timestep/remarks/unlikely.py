@@ -29,7 +29,7 @@ TURNED = 0.2
 
 def steep_friction(detector: Detection) -> Iterator[str]:
     """Coefficients of friction that are none."""
-    largest = max(_coefficients(detector), default=0.0)
+    largest = max(coefficients(detector), default=0.0)
     if largest > STEEP:
         yield (
             f"the coefficient of friction is {largest:g}, an angle of {np.degrees(np.arctan(largest)):.3g} degrees: is it in per cent, or "
@@ -47,7 +47,7 @@ def growing(model: Model, scheme: Scheme, linked: bool) -> Iterator[str]:
         )
 
 
-def _coefficients(detector: Detection) -> list[float]:
+def coefficients(detector: object) -> list[float]:
     """The coefficients that a detector holds as numbers; those of functions are not known before they are asked."""
     if isinstance(detector, Detector):
         given: list[object] = [pair.mu for pair in detector.pairs]

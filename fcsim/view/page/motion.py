@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from fcsim.arrays import FloatArray, IntArray
 from fcsim.errors import InputError
 from fcsim.running.folder import Instant, RunFolder
-from fcsim.view.joints import Joints, find_joints
+from fcsim.view.joints import Joints, find_joints, without_moved_on
 from fcsim.view.joints.surface import Surface, surface_of
 from fcsim.view.page.encoding import Encoded, largest, scaled, size, whole
 from fcsim.view.scene import gravity_of, read
@@ -46,7 +46,7 @@ def motion(run: RunFolder, instants: Sequence[Instant], progress: Callable[[int,
     gravity (n, 3) [m/s^2] or None; most: the largest displacement [m], speed [m/s], reaction [N] and opening [m] of the instants kept.
     InputError: files that cannot be read, or of other meshes than the first instant's.
     """
-    joints = find_joints(instants[0], planar)
+    joints = without_moved_on(find_joints(instants[0], planar), instants[-1])
     series, contacts, opening = _read(run, instants, joints, progress)
     gravity = [None if (g := gravity_of(instant)) is None else g.tolist() for instant in instants]
     keep = np.arange(len(instants))

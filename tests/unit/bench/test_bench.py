@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -396,12 +397,14 @@ def test_a_problem_that_cannot_be_read_does_not_end_the_bench(block: Path, tmp_p
 
     with h5py.File(block / "damaged.hdf5", "r+") as file:
         file["fclib_global/M/nzmax"][...] = 1
+    (block / "text.hdf5").write_text("no HDF5")  # seen before anything is measured, not when it is read as the other one
     eye = sp.eye_array(5, format="csc")
     write_fclib(block / "rolling.hdf5", GlobalRollingProblem(eye, eye, np.zeros(5), np.zeros(5), np.ones(1), np.ones(1)))
     out = tmp_path / "out"
     assert bench(block, "--solvers", "NSN-AC,NSGS-AC", "--tols", "1e-4", "--time-limit", 5, "--out", out) == 2
     told = capsys.readouterr()
     assert told.err.count("damaged.hdf5") == 1 and "/fclib_global/M/nzmax" in told.err
+    assert told.err.count("text.hdf5") == 1 and len(re.findall(r"(damaged|text)\.hdf5 +unreadable", told.out)) == 2
     assert "rolling: left out, a rolling friction problem" in told.err
     assert "2 measurements made, 2 of 4" in told.out
     assert {(row.problem, row.solved) for row in read_results(out)} == {("block", True)}
@@ -440,6 +443,8 @@ def test_bad_input_is_named(block: Path, tmp_path: Path, capsys: pytest.CaptureF
     assert "expected the storage block or dense, got 'green'" in refused(block, "--siconos", "NSGS/green")
     assert "expected a Python that can import siconos" in refused(block, "--siconos", "NSGS", "--siconos-python", "/bin/false")
     assert "expected a Python file" in refused(block, "--plugin", tmp_path / "none.py")
+    (tmp_path / "text.hdf5").write_text("no HDF5")
+    assert "text.hdf5: expected an HDF5 file, got something else" in refused(block, tmp_path / "text.hdf5")  # named itself
     twin = tmp_path / "twin"
     twin.mkdir()
     write_fclib(twin / "block.hdf5", sliding_block())

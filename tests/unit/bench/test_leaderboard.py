@@ -72,7 +72,9 @@ def test_one_command_makes_the_page_and_goes_on(files: Path, tmp_path: Path, cap
     base = [folder, "--fclib", files, "--families", "rods", "--sizes", 2, "--seeds", 0, "--time-limit", 30, "--clock", "cpu"]
     base += ["--siconos-python", NO_SICONOS]
     assert leaderboard(*base, "--solvers", "auto", "--json") == 0
-    told = json.loads(capsys.readouterr().out)
+    out, err = capsys.readouterr()
+    begun, told = "fcsim leaderboard: 4 problems x 1 solvers x 1 tolerances, up to 4 solves of at most 30 s, 0:02:00", json.loads(out)
+    assert begun in err and str(folder) in err  # before anything is measured
     assert any("4 measurements made, 4 of 4" in line for line in told["text"])
     first = read_results(folder)
     assert {(m.problem, m.outcome) for m in first} == {
@@ -160,3 +162,22 @@ def test_a_folder_of_files_is_not_taken_for_the_leaderboard(files: Path, capsys:
     before = sorted(files.iterdir())
     assert leaderboard(files, "--families", "rods", "--sizes", 2, "--seeds", 0) == 2
     assert "--fclib" in capsys.readouterr().err and sorted(files.iterdir()) == before
+
+
+@pytest.mark.parametrize("name", [".hidden", "problems/mine.hdf5", "bench.json"])
+def test_nor_one_of_other_things(name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Files whose names begin with a dot, a folder of problems of one's own, the results of fcsim bench."""
+    folder = tmp_path / "board"
+    (folder / name).parent.mkdir(parents=True)
+    (folder / name).write_text(json.dumps({"command": "fcsim bench mine --out board"}))
+    assert leaderboard(folder, "--families", "rods", "--sizes", 2, "--seeds", 0, "--solvers", "NSGS-AC") == 2
+    said = capsys.readouterr().err
+    found = "a bench (fcsim bench mine --out board)" if name == "bench.json" else f"other files ({name.partition('/')[0]})"
+    assert "expected a folder for the leaderboard, a new one or its own, found " + found in said
+    assert [path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file()] == [name]
+
+
+def test_a_file_is_no_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "board").write_text("")
+    assert leaderboard(tmp_path / "board", "--families", "rods", "--sizes", 2, "--seeds", 0) == 2
+    assert "found a file" in capsys.readouterr().err

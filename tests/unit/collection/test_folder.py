@@ -6,8 +6,10 @@ from pathlib import Path
 
 import pytest
 
+from fcsim.cluster import Cluster
 from fcsim.collection import check_collection, read_manifest
 from fcsim.collection.folder import refuse_folder, whole_folder
+from fcsim.collection.jobs import Build, build_by_job
 from fcsim.collection.manifest import MANIFEST
 from fcsim.errors import InputError
 
@@ -67,15 +69,25 @@ def test_a_linked_folder_is_not_emptied(copy: Path, tmp_path: Path) -> None:
 
 
 def test_two_writers_and_one_that_was_killed(tmp_path: Path) -> None:
-    """Each has a folder of its own until its end; what a killed one left is removed, what one at work holds is not."""
+    """The second is refused before its work, to replace something too; what a killed one left is removed, what one holds is not."""
     left = tmp_path / ".out.abc.fcsim-collection.partial"
     left.mkdir()
     (left / "README.md").write_text("half")
+    worked = False
     with whole_folder(tmp_path / "out") as first:
         assert not left.exists()
-        with whole_folder(tmp_path / "out") as second:
-            assert first != second and first.exists()
-    assert (tmp_path / "out").is_dir() and not list(tmp_path.glob(".out*"))
+        for overwrite in (False, True):
+            with pytest.raises(InputError, match=r"another fcsim collection is making it"), whole_folder(tmp_path / "out", overwrite):
+                worked = True
+        with whole_folder(tmp_path / "other"):
+            assert first.exists()
+    assert not worked and (tmp_path / "out").is_dir() and not list(tmp_path.glob(".out*"))
+
+
+def test_a_job_is_not_asked_for_what_is_refused(copy: Path) -> None:
+    build = Build(source="nowhere", out=str(copy))
+    with pytest.raises(InputError, match=r"holds a collection; replace it with --overwrite"):
+        build_by_job(build, Cluster("jobs", seconds=1.0, at_once=1))
 
 
 @pytest.mark.parametrize("name", ["../../secret.hdf5", "/etc/passwd", "..", "a/b.hdf5", ""])

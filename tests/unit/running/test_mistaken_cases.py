@@ -116,3 +116,43 @@ def test_a_run_without_steps_has_no_pictures(tmp_path: Path, capsys: pytest.Capt
     assert main(["run", world(tmp_path), "--steps", "0", "--out", str(tmp_path / "out")]) == 0
     assert main(["render", str(tmp_path / "out")]) == 2
     assert "expected a run of at least one step" in capsys.readouterr().err
+
+
+ROLLS = """
+from dataclasses import dataclass
+
+from fcsim import Case, ExactContacts, Simulation, Support, Theta, build_model
+from fcsim.contact_law import Gap, Rolling, Spinning
+from fcsim.mesh import rigid_plane, rigid_sphere
+
+
+@dataclass(frozen=True)
+class Parameters:
+    steps: int = 1
+
+
+def build(p):
+    bodies = [rigid_plane("floor", (0, 0, 0), (0, 0, 1), size=1.0), rigid_sphere("ball", 0.1, (0.0, 0.0, 0.1), 1.0)]
+    model = build_model(bodies, supports=[Support("floor", ("x", "y", "z", "rx", "ry", "rz"))], gravity=lambda t: (0.0, 0.0, -9.81))
+    return Case("rolls", "It rolls", Simulation(model, ExactContacts(model, 0.5), Theta(1e-3, law=LAW), p.steps))
+"""
+
+
+@pytest.mark.parametrize(
+    ("law", "options", "said"),
+    [
+        ("Spinning(0.01, Rolling(0.01))", (), "has both for one contact: FCLIB's rolling problems have two moments a contact"),
+        ("Rolling(0.01, Spinning(0.01))", (), "has both for one contact"),
+        ("Rolling(0.01)", ("--export-form", "both"), "FCLIB has no local form"),
+        ("Rolling(0.01, Spinning(0.01))", ("--export-every", "0"), ""),
+        ("Rolling(0.0, Spinning(0.01))", (), ""),
+    ],
+)
+def test_resistances_that_fclib_has_no_place_for_are_refused_before_the_first_step(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], law: str, options: tuple[str, ...], said: str
+) -> None:
+    """It was refused where the first file would have been written, step 10."""
+    (tmp_path / "rolls").mkdir()
+    (tmp_path / "rolls" / "rolls.py").write_text(ROLLS.replace("LAW", law))
+    assert main(["run", str(tmp_path / "rolls"), "--out", str(tmp_path / "out"), *options]) == (2 if said else 0)
+    assert said in capsys.readouterr().err and (tmp_path / "out").exists() == (not said)
