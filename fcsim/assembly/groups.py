@@ -18,6 +18,7 @@ from fcsim.assembly.supports import HeldDofs
 from fcsim.brief import brief
 from fcsim.errors import InputError
 from fcsim.linear.over_ranks.rows import RowsOverRanks
+from fcsim.linear.sparse._vectors_kernels import put_rows, rows_of
 from fcsim.mesh.material.by_region import is_linear
 from fcsim.mesh.part import Kinematics, Part
 from fcsim.ranks import World
@@ -106,6 +107,16 @@ class Group:
     def dofs(self) -> IntArray:
         """Degrees of freedom (nb, n_part)."""
         return self.first[:, None] + np.arange(self.size)
+
+    def rows(self, x: FloatArray) -> FloatArray:
+        """x[dofs] (nb, n_part) of x (n_dofs,)."""
+        own = np.empty((len(self.first), self.size))
+        rows_of(self.first, x, own)
+        return own
+
+    def put(self, x: FloatArray, rows: FloatArray) -> None:
+        """x[dofs] = rows (nb, n_part), x (n_dofs,)."""
+        put_rows(self.first, rows, x)
 
 
 def rotated[A: (sp.csr_array, RowsOverRanks)](operator: A, rotation: FloatArray) -> A:

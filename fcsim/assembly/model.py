@@ -28,6 +28,7 @@ from fcsim.assembly.supports import DrivenRotation, HeldDofs, Support, held_dofs
 from fcsim.brief import brief, by_fields, shown
 from fcsim.errors import InputError, asked
 from fcsim.linear.over_ranks.rows import whole
+from fcsim.linear.sparse._vectors_kernels import put_lumped
 from fcsim.linear.sparse.each import times_each
 from fcsim.mesh.part import Kinematics, Placed, refuse_kinematics
 
@@ -181,11 +182,10 @@ class Model(BodyLayout):
     def _apply(self, operator: Literal["K", "M"], x: FloatArray) -> FloatArray:
         y = np.zeros_like(x)
         for group in self.groups:
-            dofs = group.dofs
             if operator == "M" and group.lumped is not None:
-                y[dofs] = group.lumped * x[dofs]
+                put_lumped(group.first, group.lumped, x, y)
             else:
-                y[dofs] = times_each(getattr(group, operator), x[dofs])
+                group.put(y, times_each(getattr(group, operator), group.rows(x)))
         return y
 
     def matrix(self, mass: float, stiffness: float) -> sp.csr_array:

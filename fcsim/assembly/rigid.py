@@ -17,7 +17,7 @@ from functools import cached_property
 import numpy as np
 import scipy.sparse as sp
 
-from fcsim.arrays import BoolArray, FloatArray
+from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.assembly.kinematics import _rigid_kernels as kernels
 from fcsim.assembly.kinematics.recent import Recent
 from fcsim.assembly.layout import DIRECTIONS
@@ -106,6 +106,10 @@ class RigidBodies:
     def displacement(self, q: FloatArray) -> FloatArray:
         """Displacement (np, d) [m] of the points of all bodies, one body after the other."""
         return q[self._body, : self.dimension] + self._turned_arms(q) - self._arm
+
+    def points(self, q: FloatArray) -> tuple[IntArray, FloatArray]:
+        """The body (np,) of each point and p - c (np, d) [m] in the configuration q."""
+        return self._body, self._turned_arms(q)
 
     def _turned_arms(self, q: FloatArray) -> FloatArray:
         """p - c (np, d) [m] of the points of all bodies."""

@@ -1,6 +1,6 @@
 """Contact detection, of everything or of listed pairs: from positions to contacts, and from contacts to the matrix H."""
 
-from fcsim.contact_detection.contact_matrix import contact_matrix
+from fcsim.contact_detection.contact_matrix import contact_matrix, contact_matrix_of_bodies
 from fcsim.contact_detection.contacts import Contacts
 from fcsim.contact_detection.detection import Detection
 from fcsim.contact_detection.detector import Detector
@@ -18,6 +18,7 @@ __all__ = [
     "ExactContacts",
     "SurfacePair",
     "contact_matrix",
+    "contact_matrix_of_bodies",
     "split_at_sharp_edges",
     "two_pass",
 ]

@@ -25,7 +25,8 @@ from fcsim.linear.late.late_rows import source_of
 from fcsim.linear.singularity import refuse_singular
 from fcsim.linear.small_blocks import small_blocks
 from fcsim.linear.sparse.behind import first_rows
-from fcsim.linear.sparse.columns import entries_of_rows, times, transposed_times
+from fcsim.linear.sparse.by_ranks import transposed_times_by_ranks
+from fcsim.linear.sparse.columns import entries_of_rows, times
 from fcsim.problem._reduction_kernels import alike_in_contacts, asymmetry, block_of, connected_components, equal_blocks
 from fcsim.problem.bodies.late import LateSum
 from fcsim.problem.bodies.shares import BodyShares, KnownShares
@@ -218,7 +219,7 @@ class Reduction:
     @cached_property
     def q(self) -> FloatArray:
         """q = w + H^T M^-1 f (m,)."""
-        return self.problem.w + transposed_times(self._H, self.unloaded)
+        return self.problem.w + transposed_times_by_ranks(self._H, self.unloaded)
 
     @property
     def mu(self) -> FloatArray:
@@ -234,8 +235,8 @@ class Reduction:
         p, d = self.problem, self.problem.dimension
         if "local" in self.__dict__:
             return self.local.diagonal_blocks
-        H, starts = self._H.tocsc(), range(0, max(p.nc, 1), CONTACTS_AT_ONCE)
-        parts = [self.factor.delassus(H[:, d * a : d * (a + CONTACTS_AT_ONCE)], d) for a in starts]
+        H = self._H.tocsc()
+        parts = [self.factor.delassus(H[:, d * a : d * (a + CONTACTS_AT_ONCE)], d) for a in range(0, max(p.nc, 1), CONTACTS_AT_ONCE)]
         return np.concatenate([diagonal_blocks(W, d) for W in parts])
 
     @cached_property
@@ -277,10 +278,9 @@ class Reduction:
     @limited_threads()
     def answer(self, r: FloatArray) -> Answer:
         """u = H^T v + w with v, l and the momentum residual."""
-        impulse = times(self._H, r)
-        v, multiplier = self.split(self.unloaded + self.factor.solve(impulse))
-        residual = self.momentum_residual(r, v, multiplier, impulse[: self.problem.n])
-        return Answer(transposed_times(self.problem.H, v) + self.problem.w, v, multiplier, residual)
+        v, multiplier = self.split(self.unloaded + self.factor.solve(impulse := times(self._H, r)))
+        u = transposed_times_by_ranks(self.problem.H, v) + self.problem.w
+        return Answer(u, v, multiplier, self.momentum_residual(r, v, multiplier, impulse[: self.problem.n]))
 
     def momentum_residual(self, r: FloatArray, v: FloatArray, multiplier: FloatArray | None, impulse: FloatArray | None = None) -> float:
         """Return ||M v - H r - G l - f|| / ||f||; impulse (n,): H r, where it is known."""

@@ -1,13 +1,20 @@
-"""Small pieces of a step's work, each done by one rank for all of them."""
+"""Small pieces of a step's work, each done by one rank for all of them.
+
+A processor reads some gigabytes a second from another one's memory: what takes a rank longer than reading half of the outcome is worth
+sharing. Every rank has the bits that one process would have.
+"""
 
 from __future__ import annotations
 
+import itertools
+import threading
 from collections.abc import Callable, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fcsim.arrays import FloatArray
-from fcsim.ranks.sharing import world
+from fcsim.ranks.sharing import alone, world
 
 
 def shared_out(what: str, tasks: Sequence[tuple[int, Callable[[], FloatArray]]]) -> list[FloatArray]:
@@ -21,10 +28,30 @@ def shared_out(what: str, tasks: Sequence[tuple[int, Callable[[], FloatArray]]])
         return [task() for _, task in tasks]
     own, everyones = np.empty(0), list(range(len(tasks)))
     by_rank = [everyones[k :: ranks.size] for k in range(ranks.size)]
-    with ranks.together(what):
+    with ranks.together(what), alone():
         own = np.concatenate([own, *(tasks[k][1]() for k in by_rank[ranks.number])])
     sizes = [size for size, _ in tasks]
     every = ranks.gathered(own, np.array([sum(sizes[k] for k in some) for some in by_rank]))
     order = [k for some in by_rank for k in some]
     parts = np.split(every, np.cumsum([sizes[k] for k in order])[:-1])
     return [part for _, part in sorted(zip(order, parts, strict=True), key=lambda both: both[0])]
+
+
+def in_parts(what: str, rows: int, least: int, work: Callable[[int, int], None], *arrays: NDArray) -> None:
+    """Have work(begin, end) write rows begin, ..., end - 1 of arrays (rows, ...), contiguous ones: each rank some of them, all of them
+    where there are fewer than `least`.
+
+    All ranks must ask; who asks on another thread than the program's first does all of it. Work exchanges nothing itself, and an error in
+    it is this rank's alone, see `World.unasked`.
+    """
+    ranks = world()
+    if ranks is None or rows < least or threading.current_thread() is not threading.main_thread():  # files are written beside the steps
+        work(0, rows)
+        return
+    ends = [rows * k // ranks.size for k in range(ranks.size + 1)]
+    with ranks.unasked(what):
+        with alone():
+            work(ends[ranks.number], ends[ranks.number + 1])
+        counts = [end - begin for begin, end in itertools.pairwise(ends)]
+        for array in arrays:
+            ranks.complete(array, counts)

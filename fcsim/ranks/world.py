@@ -182,6 +182,12 @@ class World:
         """The numbers (sum of counts,) of all ranks in their order, counts (size,); own (counts[number],): this rank's."""
         return self._gathered(own, counts)
 
+    def complete(self, values: NDArray, counts: list[int]) -> None:
+        """Have values (sum of counts, ...), of which this rank has written its own part, the others' parts too; counts: of rows."""
+        size = values.size // max(1, len(values))
+        self._wait(self._data.Iallgatherv(self._mpi.IN_PLACE, [values, [size * count for count in counts]]))
+        self._count(size * counts[self.number] * values.itemsize, self.size - 1)
+
     def summed(self, what: str, values: FloatArray) -> None:
         """Replace values by their sum over the ranks: the same bits on each."""
         self._agree(what)

@@ -12,7 +12,7 @@ import scipy.sparse as sp
 from fcsim.arrays import BoolArray, FloatArray
 from fcsim.assembly.model import Model
 from fcsim.brief import brief
-from fcsim.contact_detection import Detection, Detector, contact_matrix
+from fcsim.contact_detection import Detection, Detector, contact_matrix_of_bodies
 from fcsim.contact_detection.contacts import Contacts, join
 from fcsim.contact_detection.skin.boundary import joined_by_facets
 from fcsim.contact_law.coulomb import Gap
@@ -22,6 +22,7 @@ from fcsim.contact_law.law import NOTHING, Implicit, Law, Meeting, Outcome, Term
 from fcsim.contact_law.one_point import at_one_point
 from fcsim.contact_law.proportions import Proportions
 from fcsim.contact_law.rolling_rows import ROWS, SPINNING_ROWS, moment_matrix, widened, with_moments
+from fcsim.linear.sparse.by_ranks import transposed_times_by_ranks
 from fcsim.linear.sparse.columns import times, transposed_times
 from fcsim.timestep.scheme import Scheme
 from fcsim.timestep.state import State
@@ -121,7 +122,7 @@ class Encounter:
         """H^T v (d nc,) of v (n_dofs,), read-only; of the same array once: where a step leads and what the law remembers ask for it."""
         last = self.__dict__.get("_relative")
         if last is None or last[0] is not v:
-            found = transposed_times(self.H, v)
+            found = transposed_times_by_ranks(self.H, v)
             found.setflags(write=False)
             last = self.__dict__["_relative"] = v, found
         return last[1]
@@ -224,7 +225,7 @@ def met_on_the_way(
     if more is not None:
         found = join([found, more.take(~np.isin(more.identity, found.identity))])
         found = found.take(np.argsort(found.identity, kind="stable"))
-    H = model.contact_matrix(contact_matrix(found, model.n_nodes), x)
+    H = contact_matrix_of_bodies(found, model, x)
     back = found.gap - transposed_times(H, v).reshape(len(found), -1)[:, 0] if len(found) else found.gap
     met = under_law(model, scheme, state, replace(found, gap=back), positions, proportions, variables, configuration=x, trial=trial)
     return replace(met, contacts=replace(met.contacts, gap=found.gap[np.searchsorted(found.identity, met.contacts.identity)]))
@@ -255,11 +256,12 @@ def under_law(
             moved = model.positions(model.advance(configuration, way)) - positions
             through = passing(left, moved, proportions)
         contacts, bend = contacts.take(chosen), None if bend is None else bend[chosen]
-    H = model.contact_matrix(contact_matrix(contacts, model.n_nodes), configuration)
-    if scheme.timing.moving:
+    H = contact_matrix_of_bodies(contacts, model, configuration)
+    moving = scheme.timing.moving
+    if moving:
         at_one_point(model, H, contacts)
     shape = (len(contacts), contacts.dimension)
-    before = transposed_times(H, scheme.velocity_before(model, state)).reshape(shape) if scheme.timing.moving else np.zeros(shape)
+    before = transposed_times_by_ranks(H, scheme.velocity_before(model, state)).reshape(shape) if moving else np.zeros(shape)
     meeting = Meeting(contacts, positions, before, state.t, scheme.timing, variables, proportions, bend, trial)
     terms, driven = law.terms(meeting), None
     refuse_endless(terms.mu)

@@ -13,6 +13,7 @@ from fcsim.arrays import FloatArray
 from fcsim.assembly.forms.rotations import polar_rotation
 from fcsim.assembly.groups import Group
 from fcsim.assembly.kinematics.frames import FloatingGroup, Frames, Turned
+from fcsim.linear.sparse._vectors_kernels import blended
 from fcsim.linear.sparse.each import times_each
 
 KEPT = 3
@@ -91,7 +92,9 @@ class ElasticForces:
         start = change = loss = 0.0
         for group, a, b in zip(self.groups, first.frames, last.frames, strict=True):
             if a is None or b is None:
-                y, dy = first.x[group.dofs], last.x[group.dofs] - first.x[group.dofs]
+                y = group.rows(first.x)
+                dy = group.rows(last.x)
+                dy -= y
             else:
                 y = a.strained.reshape(len(a.strained), -1)
                 dy = b.strained.reshape(y.shape) - y
@@ -111,13 +114,13 @@ class ElasticForces:
             if floating is not None and a is not None and b is not None:
                 floating.force((a, b), share, self.beta, v, less, total)
                 continue
-            dofs = group.dofs
-            x = share * last.x[dofs] + (1 - share) * first.x[dofs]
+            x = np.empty(group.dofs.shape)
+            blended(group.first, first.x, last.x, share, x)
             if self.beta and v is not None:
-                x += self.beta * v[dofs]
+                x += self.beta * group.rows(v)
             if less is not None:
-                x = less.weight * x - less.factor * less.x[dofs]
-            total[dofs] = times_each(group.K, x)
+                x = less.weight * x - less.factor * group.rows(less.x)
+            group.put(total, times_each(group.K, x))
         return total
 
     def turned_stiffness(self, Q: FloatArray, x: FloatArray) -> FloatArray:
@@ -125,7 +128,7 @@ class ElasticForces:
         total = np.zeros_like(x)
         for group, floating in zip(self.groups, self._floating, strict=True):
             if floating is None:
-                total[group.dofs] = times_each(group.K, x[group.dofs])
+                group.put(total, times_each(group.K, group.rows(x)))
             else:
                 floating.turned_stiffness(Q, x, total)
         return total

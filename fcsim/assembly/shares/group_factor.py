@@ -20,6 +20,7 @@ from fcsim.linear.factors import Factor, SingularMatrix
 from fcsim.linear.over_ranks.mumps import MumpsOverRanks
 from fcsim.linear.over_ranks.rows import RowsOverRanks, whole
 from fcsim.linear.singularity import refuse_singular
+from fcsim.linear.sparse._vectors_kernels import columns_of, put_columns
 from fcsim.memory import refuse_beyond_memory
 from fcsim.runtime import release_freed_memory
 
@@ -125,10 +126,12 @@ class GroupFactor:
 
     def solve(self, rhs: FloatArray, rotation: FloatArray | None, x: FloatArray) -> None:
         """A^-1 rhs of all bodies of the group, turned by rotation (n_deformable, d, d), None: not, into x; rhs, x (n_dofs,)."""
-        dofs = self._free_dofs
         if rotation is None:
-            x[dofs] = self.factor.solve(np.ascontiguousarray(rhs[dofs].T)).T
+            given = np.empty((len(self.free), len(self.first)))
+            columns_of(self.first, self.free, rhs, given)
+            put_columns(self.first, self.free, self.factor.solve(given), x)
             return
+        dofs = self._free_dofs
         Q = rotation[self.members]
         if self._axes is None:
             columns, axes = np.empty(dofs.shape[::-1]), tuple(range(Q.shape[-1]))

@@ -70,12 +70,23 @@ def times_columns(indptr, indices, data, x, size):
 
 
 @njit(cache=True)
-def rows_kept(indptr, indices, data, place, starts, rows, values):
+def rows_kept(indptr, indices, data, ordered, place, starts, rows, values):
     """Write the columns of A (n, m) with its rows i at place[i], those with place[i] < 0 left out, one after the other; their starts
-    (m + 1,)."""
-    at = 0
+    (m + 1,). ordered: whether rows ascend in each column."""
+    at, moved = 0, 0  # rows below `moved` stay where they are
     starts[0] = 0
+    while moved < len(place) and place[moved] == moved:
+        moved += 1
     for j in range(len(indptr) - 1):
+        begin, size = np.uint64(indptr[j]), indptr[j + 1] - indptr[j]
+        if ordered and (size == 0 or indices[indptr[j + 1] - 1] < moved):
+            for k in range(np.uint64(size)):
+                rows[np.uint64(at) + k] = indices[begin + k]
+            for k in range(np.uint64(size)):
+                values[np.uint64(at) + k] = data[begin + k]
+            at += size
+            starts[j + 1] = at
+            continue
         for k in range(indptr[j], indptr[j + 1]):
             i, to = place[np.uint64(indices[np.uint64(k)])], np.uint64(at)
             rows[to], values[to] = i, data[np.uint64(k)]  # written over by the next where this row is left out
@@ -128,3 +139,22 @@ def entries_of_rows(indices, count):
     for k in range(len(indices)):
         found[np.uint64(indices[np.uint64(k)])] += 1
     return found
+
+
+@njit(cache=True)
+def starts_of_some(indptr, columns, starts):
+    """Where the `columns` (k,) of a matrix by columns begin (k + 1,) where they stand one after the other."""
+    starts[0] = 0
+    for j in range(len(columns)):
+        starts[j + 1] = starts[j] + indptr[columns[j] + 1] - indptr[columns[j]]
+
+
+@njit(cache=True)
+def take_columns(indptr, indices, data, columns, starts, rows, values):
+    """Write these columns one after the other."""
+    for j in range(len(columns)):
+        first, begin = np.uint64(indptr[columns[j]]), np.uint64(starts[j])
+        for k in range(np.uint64(starts[j + 1] - starts[j])):
+            rows[begin + k] = indices[first + k]
+        for k in range(np.uint64(starts[j + 1] - starts[j])):
+            values[begin + k] = data[first + k]

@@ -35,12 +35,21 @@ def times(A: sp.sparray | FloatArray, x: FloatArray) -> FloatArray:
 def rows_kept(A: sp.csc_array, place: IntArray, count: int) -> sp.csc_array:
     """The matrix (count, m) with row i of A (n, m) at place[i], those with place[i] < 0 left out; the others' order stays."""
     starts, rows, values = np.empty_like(A.indptr), np.empty_like(A.indices), np.empty_like(A.data)
-    kernels.rows_kept(A.indptr, A.indices, A.data, place, starts, rows, values)
+    kernels.rows_kept(A.indptr, A.indices, A.data, bool(A.has_canonical_format), place, starts, rows, values)
     end = int(starts[-1])
     kept = sp.csc_array((values[:end], rows[:end], starts), shape=(count, A.shape[1]))
     if A.has_canonical_format:
         kept.has_canonical_format = True
     return kept
+
+
+def some_columns(A: sp.csc_array, columns: IntArray) -> sp.csc_array:
+    """The matrix (n, k) of the columns (k,) of A (n, m)."""
+    starts = np.empty(len(columns) + 1, dtype=A.indptr.dtype)
+    kernels.starts_of_some(A.indptr, columns, starts)
+    rows, values = np.empty(starts[-1], dtype=A.indices.dtype), np.empty(starts[-1], dtype=A.data.dtype)
+    kernels.take_columns(A.indptr, A.indices, A.data, columns, starts, rows, values)
+    return sp.csc_array((values, rows, starts), shape=(A.shape[0], len(columns)))
 
 
 def entries_of_rows(A: sp.csr_array | sp.csc_array) -> IntArray:

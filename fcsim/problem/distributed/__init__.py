@@ -2,6 +2,7 @@
 
 from fcsim.problem.distributed.bodies import BodiesOverRanks as BodiesOverRanks
 from fcsim.problem.distributed.bodies import Compliances as Compliances
+from fcsim.problem.distributed.bodies import bodies_by_ranks as bodies_by_ranks
 from fcsim.problem.distributed.delassus import DistributedDelassus as DistributedDelassus
 from fcsim.problem.distributed.delassus import whole_delassus as whole_delassus
 from fcsim.problem.distributed.factor import DistributedFactor as DistributedFactor

@@ -6,12 +6,15 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
+import scipy.sparse as sp
 
 from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.brief import brief
+from fcsim.linear.sparse.by_ranks import CONTACTS_FROM
+from fcsim.problem._delassus_kernels import bodies_of_contacts
 from fcsim.problem.bodies._shares_kernels import sides_of_pairs
 from fcsim.problem.bodies.shares import Run
-from fcsim.ranks import World
+from fcsim.ranks import World, in_parts
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,3 +102,14 @@ class BodiesOverRanks:
                 known.setdefault(place, ([], C[k]))[0].append(begin + on[kind[on] == k])
         for bodies, own in known.values():
             yield np.concatenate(bodies), own
+
+
+def bodies_by_ranks(H: sp.csc_array, body: IntArray, d: int) -> tuple[IntArray, bool]:
+    """As `bodies_of_contacts` of H (n, d nc), of some contacts by each rank; all ranks must ask."""
+    bodies, more = np.empty((H.shape[1] // d, 2), dtype=np.int64), np.zeros(H.shape[1] // d, dtype=bool)
+
+    def find(begin: int, end: int) -> None:
+        bodies[begin:end], more[begin:end] = bodies_of_contacts(H.indptr[d * begin : d * end + 1], H.indices, body, d)
+
+    in_parts("bodies of contacts", len(bodies), CONTACTS_FROM, find, bodies, more)
+    return bodies, bool(more.any())

@@ -19,12 +19,13 @@ from fcsim.linear.factors import Factor, factorise
 from fcsim.linear.late.late_rows import in_blocks
 from fcsim.linear.over_ranks.implicit_matrix import ImplicitMatrix, LateMatrix
 from fcsim.linear.sparse.behind import with_diagonal_behind, with_units_behind
-from fcsim.problem._delassus_kernels import bodies_of_contacts, entries_by_body
+from fcsim.linear.sparse.columns import some_columns
+from fcsim.problem._delassus_kernels import entries_by_body
 from fcsim.problem._reduction_kernels import added_to_own_blocks
 from fcsim.problem.bodies.late import late_sum, summed, summed_late
 from fcsim.problem.bodies.shares import BodyShares, shares_of
 from fcsim.problem.delassus_sum import DelassusSum
-from fcsim.problem.distributed import BodiesOverRanks, DistributedDelassus, contact_layout
+from fcsim.problem.distributed import BodiesOverRanks, DistributedDelassus, bodies_by_ranks, contact_layout
 from fcsim.threads import begun
 from fcsim.timestep.step_equation._turned_rows_kernels import turned_rows
 from fcsim.timestep.step_equation.contact_tangent.leaning import Leaning
@@ -254,11 +255,10 @@ class StepCompliance:
             return None
         H, (body, column), rank = self._on_compliances(H), self.factor.places, self.factor.ranks()
         nc, count = H.shape[1] // dimension, len(rank)
-        make_h = partial(self._entries_by_body, given, dimension)
-        bodies, more = bodies_of_contacts(H.indptr, H.indices, body, dimension)
+        make_h, (bodies, more) = partial(self._entries_by_body, given, dimension), bodies_by_ranks(H, body, dimension)
         if more:
             first, contacts = make_h()[:2]
-            of_pairs, bodies = np.repeat(np.arange(count), np.diff(first)), None
+            of_pairs = np.repeat(np.arange(count), np.diff(first))
         else:
             contacts, side = np.nonzero(bodies >= 0)
             of_pairs = bodies[contacts, side]
@@ -272,12 +272,12 @@ class StepCompliance:
             return None
         with shares.world.together("W"):
             mine, own = self.factor.own_bodies(shares)
-            blocks = None if bodies is None else _blocks_of(bodies, mine)
-            W = DelassusSum(H[:, layout.own_unknowns], own, column, count, dimension, blocks)
+            blocks = None if more else _blocks_of(bodies, mine)
+            W = DelassusSum(some_columns(H, layout.own_unknowns), own, column, count, dimension, blocks)
             runs = tuple(self.factor.compliances(self._asked(H)))
             late = late_sum(W, runs)
             share = in_blocks(summed(W, runs), dimension) if late is None else late
-        return cast(Matrix, DistributedDelassus(layout, share, BodiesOverRanks(make_h, bodies, runs, rank, nc)))
+        return cast(Matrix, DistributedDelassus(layout, share, BodiesOverRanks(make_h, None if more else bodies, runs, rank, nc)))
 
     def _entries_by_body(self, H: sp.sparray, dimension: int) -> tuple[IntArray, IntArray, IntArray, IntArray, FloatArray]:
         """h of all bodies, see `entries_by_body`."""

@@ -12,6 +12,8 @@ from fcsim.assembly import discretisation
 from fcsim.assembly.loads import BodyForce, Force, Traction
 from fcsim.assembly.model import Model, build_model
 from fcsim.assembly.supports import Support
+from fcsim.contact_detection import Contacts, contact_matrix, contact_matrix_of_bodies
+from fcsim.contact_detection.frames import frames
 from fcsim.contact_detection.surfaces.model_surfaces import contact_surface
 from fcsim.errors import InputError
 from fcsim.mesh.blocks import brick
@@ -222,6 +224,30 @@ def test_forces_by_the_contact_matrix_have_the_power_that_they_have_at_the_nodes
     assert H.has_sorted_indices and H.has_canonical_format
     velocities = np.column_stack([model.node_velocity(v, x).ravel() for v in np.eye(model.n_dofs)])
     assert_allclose(H.toarray(), velocities.T @ nodal.toarray(), atol=1e-13)
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_the_contact_matrix_of_bodies_is_made_in_one_pass(d: int, part: Part, plane_part: Part) -> None:
+    """Bit for bit what comes of the nodal matrix, with several points of one rigid body and of two in a contact."""
+    rng, nc = np.random.default_rng(7), 60
+    model = build_model([Body("a", plane_part if d == 2 else part), rigid("r1", d), rigid("r2", d, seed=5)])
+    x, normals = rng.uniform(-1, 1, model.n_dofs), rng.standard_normal((nc, d))
+    nodes = np.array([rng.permutation(model.n_nodes)[:7] for _ in range(nc)])
+    rigid_points = np.arange(model.n_elastic // d, model.n_nodes)
+    nodes[: nc // 2, :4] = np.array([rng.permutation(rigid_points)[:4] for _ in range(nc // 2)])
+    nodes[: nc // 2, 4:] = rng.permutation(model.n_elastic // d)[:3]
+    weights, none = rng.standard_normal((nc, 7)), rng.random((nc, 7)) < 0.2
+    nodes[none], weights[none] = -1, 0.0
+    weights[rng.random((nc, 7)) < 0.1] = 0.0
+    frame = frames(normals / np.linalg.norm(normals, axis=1)[:, None])
+    contacts = Contacts(np.zeros((nc, d)), frame, np.zeros(nc), np.zeros(nc), nodes, weights, np.zeros((nc, 2), dtype=int), np.arange(nc))
+    H, expected = contact_matrix_of_bodies(contacts, model, x), model.contact_matrix(contact_matrix(contacts, model.n_nodes), x)
+    assert H.has_canonical_format and H.shape == expected.shape
+    for name in ("indptr", "indices", "data"):
+        assert_array_equal(getattr(H, name), getattr(expected, name))
+    nodes[0, 0], weights[0, 0] = model.n_nodes, 1.0
+    with pytest.raises(InputError, match="expected node numbers below"):
+        contact_matrix_of_bodies(contacts, model, x)
 
 
 def test_contact_surface_is_a_union(mixed: Model, part: Part) -> None:

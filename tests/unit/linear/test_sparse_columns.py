@@ -5,7 +5,8 @@ import pytest
 import scipy.sparse as sp
 from numpy.testing import assert_allclose, assert_array_equal
 
-from fcsim.linear.sparse.columns import entries_of_rows, normals_of_some, rows_kept, times, transposed_times
+from fcsim.linear.sparse import _vectors_kernels as kernels
+from fcsim.linear.sparse.columns import entries_of_rows, normals_of_some, rows_kept, some_columns, times, transposed_times
 
 
 @pytest.mark.parametrize("form", ["csr", "csc", "coo", "dense"])
@@ -50,7 +51,41 @@ def test_rows_are_renumbered_and_left_out() -> None:
     assert_array_equal(found.toarray(), A.toarray()[kept])
     for form in (A, sp.csr_array(A)):
         assert_array_equal(entries_of_rows(form), np.count_nonzero(A.toarray(), axis=1))
+    last = np.where(np.arange(40) < 30, np.arange(40), -1)  # the first rows stay where they are
+    for given in (A, sp.csc_array((A.data, A.indices, A.indptr), shape=A.shape)):
+        assert_array_equal(rows_kept(given, last, 40).toarray(), np.where(last[:, None] >= 0, A.toarray(), 0.0))
     assert rows_kept(A, np.full(40, -1), 3).toarray().tolist() == np.zeros((3, A.shape[1])).tolist()
+
+
+def test_some_columns_are_scipys() -> None:
+    A, some = contacts(np.random.default_rng(5)), np.array([4, 0, 1, 28, 9])
+    for chosen in (some, some[:0]):
+        assert_array_equal(some_columns(A, chosen).toarray(), A[:, chosen].toarray())
+
+
+def test_rows_of_bodies_are_those_of_lists() -> None:
+    """What bodies that share a part take from a vector, and put there, as lists of their numbers do."""
+    rng = np.random.default_rng(6)
+    first, some = np.array([3, 40, 15]), np.array([0, 2, 3, 9])
+    dofs = first[:, None] + np.arange(10)
+    x, lumped, rows, columns = rng.standard_normal(50), rng.random(10), np.empty((3, 10)), np.empty((4, 3))
+    kernels.rows_of(first, x, rows)
+    assert_array_equal(rows, x[dofs])
+    kernels.columns_of(first, some, x, columns)
+    assert_array_equal(columns, x[dofs[:, some]].T)
+    found, expected = np.zeros((2, 50))
+    for put in (rows, np.asfortranarray(rows)):
+        kernels.put_rows(first, put, found)
+        expected[dofs] = rows
+        assert_array_equal(found, expected)
+    kernels.put_columns(first, some, -columns, found)
+    expected[dofs[:, some]] = -columns.T
+    assert_array_equal(found, expected)
+    kernels.put_lumped(first, lumped, x, found)
+    expected[dofs] = lumped * x[dofs]
+    assert_array_equal(found, expected)
+    kernels.blended(first, x, found, 0.3, rows)
+    assert_array_equal(rows, 0.3 * found[dofs] + (1 - 0.3) * x[dofs])
 
 
 def test_a_vector_of_another_length_is_refused_as_scipy_does() -> None:

@@ -197,15 +197,26 @@ def test_a_round_has_as_many_patches_for_each_rank(ranks: int) -> None:
     missed = np.random.default_rng(1).uniform(0.5, 1.0, 60)
     alone, every = patches.chosen(joints, missed, 0.0), patches.chosen(joints, missed, 0.0, 1.0)
     assert len(alone) == 1 and len(every) > 2 * ranks
-    found = chosen_for_ranks(joints, missed, 0.0, ranks)
+    found, _ = chosen_for_ranks(joints, missed, 0.0, ranks)
     assert len(found) == ranks
     for own, other in zip(found, every, strict=False):
         assert np.array_equal(own, other)
     others = np.argsort(missed)[:-1]
     missed[others] = 0.02
-    assert len(chosen_for_ranks(joints, missed, 0.1, ranks)) == ranks
+    assert len(chosen_for_ranks(joints, missed, 0.1, ranks)[0]) == ranks
     missed[others] = 0
-    assert len(chosen_for_ranks(joints, missed, 0.1, ranks)) == 1
+    assert len(chosen_for_ranks(joints, missed, 0.1, ranks)[0]) == 1
+
+
+def test_a_round_knows_whether_few_joints_are_left() -> None:
+    """Down to a tenth of the limit: with more than a round looks at, the error is the wall's as a whole, and a system is due."""
+    bodies = np.repeat(np.stack([np.arange(600), np.arange(1, 601)], axis=1), 10, axis=0)
+    joints, missed = JointsOfAll(bodies, 601), np.zeros(600)
+    missed[::3] = 0.5
+    for limit, few in ((0.1, False), (1.0, False), (10.0, True)):
+        assert chosen_for_ranks(joints, missed, limit, 2)[1] is few
+    missed[30:] = 0
+    assert chosen_for_ranks(joints, missed, 0.1, 2)[1] is True
 
 
 @pytest.mark.parametrize("d", (2, 3))

@@ -72,8 +72,9 @@ for less again, down to what single precision allows. Quadratic cells, whose cor
 LOST = 1e-6
 """Smallest error so far relative to the last from which GMRES does not go on: it has followed what hardly resists, as bodies do on more
 contacts than they need."""
-CHANGED = 0.05
-"""Change of a contact's A, relative to its largest entry, or of its B, up to which the joints' blocks stay."""
+CHANGED, FIRST_CHANGED = 0.05, 0.01
+"""Change of a contact's A, relative to its largest entry, or of its B, up to which the joints' blocks stay; in a step's first system, which
+takes most of its iterations: what a cold start has left of such changes costs the steps that follow half as many again or twice as many."""
 ITERATIONS, ENOUGH = 200, 0.3
 """Iterations of GMRES, and the defect that must be reached by then: far from a solution, where much slides, Newton's method goes on with
 less than ACCURACY."""
@@ -106,11 +107,11 @@ class Preconditioner:
         """Whether it was made of the W of an earlier step."""
         return self._steps > 0
 
-    def update(self, A: FloatArray, B: FloatArray) -> None:
-        """Make it the one of A and B, but for changes up to CHANGED."""
+    def update(self, A: FloatArray, B: FloatArray, changed_by: float = CHANGED) -> None:
+        """Make it the one of A and B, but for changes up to `changed_by`."""
         joints = self._joints
         earlier, self._coarse = self._coarse, None  # known again where all that follows succeeds
-        changed = self._changed(A, B)
+        changed = self._changed(A, B, changed_by)
         given = (self._A, self._B, joints.E, joints.shift, joints.cuts, (joints.begins, joints.wide), joints.modes, joints.starts)
         Q, R, T = self._blocks.to_write(np.flatnonzero(changed))
         out = (Q, joints.Q_starts, R, joints.R_starts, T, joints.T_starts)
@@ -150,10 +151,10 @@ class Preconditioner:
         other._steps += 1
         return other
 
-    def _changed(self, A: FloatArray, B: FloatArray) -> BoolArray:
+    def _changed(self, A: FloatArray, B: FloatArray, changed_by: float) -> BoolArray:
         """Take over A and B of contacts that have changed; which joints have one of these among theirs or their neighbours."""
         joints, far = self._joints, np.empty(len(A), dtype=bool)
-        given = (A, B, joints.order, CHANGED, self._A, self._B)
+        given = (A, B, joints.order, changed_by, self._A, self._B)
         side_by_side([partial(kernels.changed_contacts, *given, i, j, far) for i, j in self._contacts])
         return np.logical_or.reduceat(far[joints.wide], joints.begins[:-1])
 
@@ -250,14 +251,15 @@ class TwoLevelSystem:
             return None
         A, B, rhs = kernels.normalised(A, B, rhs, self._diagonal.mean(1))
         limits = self._demand.following(needed, foreseen=foreseen)
+        changed_by = FIRST_CHANGED if foreseen else CHANGED
         found = None
         if self._precondition is None and self._kept is not None and self._bodies is not None:
             self._precondition = self._kept.following(self._shares, self._bodies[0], self._diagonal)
         if self._precondition is not None:
-            found = self._by(self._precondition, A, B, rhs, limits)
+            found = self._by(self._precondition, A, B, rhs, limits, changed_by)
         if found is None and (self._precondition is None or self._precondition.earlier):
             self._precondition = self._anew()
-            found = self._by(self._precondition, A, B, rhs, limits)
+            found = self._by(self._precondition, A, B, rhs, limits, changed_by)
         self.pays = found is not None
         return found
 
@@ -274,13 +276,14 @@ class TwoLevelSystem:
         return dr, self._by_bodies.of_few(dr)
 
     def _by(
-        self, precondition: Preconditioner, A: FloatArray, B: FloatArray, rhs: FloatArray, limits: tuple[float, float]
+        self, precondition: Preconditioner, A: FloatArray, B: FloatArray, rhs: FloatArray, limits: tuple[float, float], changed_by: float
     ) -> tuple[FloatArray, FloatArray] | None:
-        """dr and W dr (m,) by GMRES with this preconditioner; None where that does not get there. limits: as `Demand` gives them."""
+        """dr and W dr (m,) by GMRES with this preconditioner, as of changes by more than `changed_by`; None where that does not get there.
+        limits: as `Demand` gives them."""
         shape = rhs.shape
         images: list[FloatArray] = []  # W times the steps
         try:
-            precondition.update(A, B)
+            precondition.update(A, B, changed_by)
         except SingularMatrix:
             return None
 

@@ -182,12 +182,36 @@ def test_of_changed_contacts_the_joints_with_them_are_computed_anew() -> None:
     first = P(x)
     P.update(A * (1 + 0.5 * two_level.CHANGED), B)
     assert_array_equal(P(x), first)
+    P.update(A * (1 + 0.5 * two_level.CHANGED), B, two_level.FIRST_CHANGED)  # as in a step's first system
+    anew.update(A * (1 + 0.5 * two_level.CHANGED), B)
+    assert_array_equal(P(x), anew(x))
+    P.update(A, B)
+    assert_array_equal(P(x), anew(x))
+    P, anew = two_level.Preconditioner(joints), two_level.Preconditioner(joints)
+    P.update(A, B)
     own = joints.order[joints.cuts[1] : joints.cuts[1] + 2]  # of the second joint
     A[own], B[own] = 0, np.eye(3)
     P.update(A, B)
     anew.update(A, B)
     assert np.any(P(x) != first)
     assert_array_equal(P(x), anew(x))
+
+
+def test_a_steps_first_system_goes_by_smaller_changes(monkeypatch: pytest.MonkeyPatch) -> None:
+    _, rows, known = shares_and_rows(step_of("3", "3.5"))
+    nc, asked = len(rows.indptr) - 1, list[float]()
+    A, B = linearisation(nc, float(rows.W.diagonal().mean()))
+    update = two_level.Preconditioner.update
+
+    def noted(self: two_level.Preconditioner, A: np.ndarray, B: np.ndarray, changed_by: float) -> None:
+        asked.append(changed_by)
+        update(self, A, B, changed_by)
+
+    monkeypatch.setattr(two_level.Preconditioner, "update", noted)
+    system, rhs = TwoLevelSystem(rows, known), np.random.default_rng(2).standard_normal((nc, 3))
+    for foreseen in (True, False):
+        assert system.solve(A, B, rhs, foreseen=foreseen) is not None
+    assert asked == [two_level.FIRST_CHANGED, two_level.CHANGED]
 
 
 def test_what_is_kept_serves_the_next_W_and_only_a_near_one(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -53,11 +53,12 @@ def patched_over_ranks(
     rho: FloatArray,
     weight: FloatArray,
     limit: float,
-) -> FloatArray | None:
-    """What r (nc, d) moves by in a round of patches, as `patched`, on all ranks, which have all arguments; None where there are none."""
+) -> tuple[FloatArray, bool] | None:
+    """What r (nc, d) moves by in a round of patches, as `patched`, on all ranks, which have all arguments, and whether what
+    is missed is at few joints, see `chosen_for_ranks`; None where there are none."""
     layout, d = W.layout, r.shape[1]
     world = layout.world
-    patches = chosen_for_ranks(joints, missed_by_joints(joints, u, r, mu, rho, weight), limit, world.size)
+    patches, few = chosen_for_ranks(joints, missed_by_joints(joints, u, r, mu, rho, weight), limit, world.size)
     if not patches:
         return None
     places = [[np.flatnonzero(known) for known in layout.known[:, own]] for own in patches]
@@ -85,18 +86,19 @@ def patched_over_ranks(
         counts = np.bincount(solver, [d * len(own) for own in patches], minlength=world.size).astype(np.int64)
         step = np.zeros_like(r)
         step[np.concatenate([patches[p] for p in in_order])] = world.gathered(_joined(answers), counts).reshape(-1, d)
-    return step
+    return step, few
 
 
-def chosen_for_ranks(joints: JointsOfAll, missed: FloatArray, limit: float, ranks: int) -> list[IntArray]:
+def chosen_for_ranks(joints: JointsOfAll, missed: FloatArray, limit: float, ranks: int) -> tuple[list[IntArray], bool]:
     """The contacts of the patches that are chosen in one process, and up to a multiple of the ranks of those that follow: what is missed
-    in these may be below `limit`, down to MORE of it."""
+    in these may be below `limit`, down to MORE of it. And whether no joint down to that was left where as many more were looked at."""
     nc = len(joints.order)
-    patches = chosen(joints, missed, MORE * limit, SHARE + ranks * PATCH_UP_TO / nc)
-    before = np.cumsum([0, *(len(own) for own in patches)])[:-1]  # contacts of those before each
+    most = SHARE * nc + ranks * PATCH_UP_TO
+    patches = chosen(joints, missed, MORE * limit, most / nc)
+    before = np.cumsum([0, *(len(own) for own in patches)])  # contacts of those before each
     middle = joints.joint[[own[0] for own in patches]]
-    count = np.count_nonzero((before < SHARE * nc) & (missed[middle] > limit))
-    return patches[: count + -count % ranks]
+    count = np.count_nonzero((before[:-1] < SHARE * nc) & (missed[middle] > limit))
+    return patches[: count + -count % ranks], bool(before[-1] < most)
 
 
 def solvers_of(patches: list[IntArray], known: IntArray) -> IntArray:

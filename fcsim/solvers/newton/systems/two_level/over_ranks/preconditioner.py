@@ -41,14 +41,14 @@ class PreconditionerOverRanks:
         """Whether it was made of the W of an earlier step."""
         return self._steps > 0
 
-    def update(self, A: FloatArray, B: FloatArray) -> None:
-        """Make it the one of A and B (k, d, d) by the joints' order, but for changes up to CHANGED."""
+    def update(self, A: FloatArray, B: FloatArray, changed_by: float = CHANGED) -> None:
+        """Make it the one of A and B (k, d, d) by the joints' order, but for changes up to `changed_by`."""
         joints, k = self.joints, MOTIONS
         given = (self._A, self._B, joints.E, joints.shift, joints.cuts, (joints.begins, joints.wide), joints.modes, joints.starts)
         out = (self._Q, joints.Q_starts, self._R, joints.R_starts, self._T, joints.T_starts)
         S = np.zeros((len(joints.coarse.columns), k, k))
         with self._layout.together("joints of A W + B"):
-            changed = self._changed(A, B)
+            changed = self._changed(A, B, changed_by)
             which = [i + np.flatnonzero(changed[i:j]) for i, j in joints.ranges]
             try:
                 side_by_side([partial(kernels.invert_joints, *given, out, own) for own in which if len(own)])
@@ -63,12 +63,10 @@ class PreconditionerOverRanks:
         self._coarse = None  # the old one makes room for the new
         self._coarse = CoarseFactor(joints.coarse, S, joints.precision)
 
-    def _changed(self, A: FloatArray, B: FloatArray) -> BoolArray:
+    def _changed(self, A: FloatArray, B: FloatArray, changed_by: float) -> BoolArray:
         """As in `Preconditioner`."""
-        far = np.abs(A - self._A).max((1, 2)) <= CHANGED * np.abs(A).max((1, 2))
-        far = ~(far & (np.abs(B - self._B).max((1, 2)) <= CHANGED))  # at first nothing compares
-        self._A[far], self._B[far] = A[far], B[far]
-        joints = self.joints
+        joints, far = self.joints, np.empty(len(A), dtype=bool)
+        kernels.changed_contacts(A, B, np.arange(len(A)), changed_by, self._A, self._B, 0, len(A), far)
         if len(joints.begins) == 1:
             return np.zeros(0, dtype=bool)
         return np.logical_or.reduceat(far[joints.wide], joints.begins[:-1])

@@ -16,12 +16,12 @@ from fcsim.solvers.newton.systems.two_level.over_ranks.joints import OwnJoints, 
 from fcsim.solvers.newton.systems.two_level.over_ranks.patches import patched_over_ranks
 from fcsim.solvers.newton.systems.two_level.over_ranks.preconditioner import PreconditionerOverRanks
 from fcsim.solvers.newton.systems.two_level.patches import PART, ROUNDS
-from fcsim.solvers.newton.systems.two_level.settling import Rounds
-from fcsim.solvers.newton.systems.two_level.system import ENOUGH, ITERATIONS, Demand, largest_joint
+from fcsim.solvers.newton.systems.two_level.settling import WORTH, Rounds
+from fcsim.solvers.newton.systems.two_level.system import CHANGED, ENOUGH, FIRST_CHANGED, ITERATIONS, Demand, largest_joint
 
-WORTH = 0.5
-"""As `Rounds` has it, what a round of patches must leave of the error for another one to follow, less than in one process: of a wall of 768
-bricks half of the rounds lead to as few systems."""
+FULL_WORTH = 0.5
+"""What a round of patches must leave of the error for another one to follow, less than in one process, where more joints miss what they
+should than a round can take: half of the rounds of a wall of 768 bricks then lead to as few systems."""
 
 KEPT = 40
 """Iterations of GMRES up to which what W makes of its steps is kept; W times the answer of longer ones takes one more product."""
@@ -30,13 +30,11 @@ KEPT = 40
 class TwoLevelOverRanks:
     """Solves (A W + B) dr = rhs as `TwoLevelSystem`; all ranks have A, B, rhs and the answer, and take the same decisions."""
 
-    rounds = Rounds(ROUNDS, PART, WORTH)
-
     def __init__(self, W: DistributedDelassus, behind: BodiesOverRanks, kept: PreconditionerOverRanks | None = None) -> None:
         """behind: the bodies of W; kept: what the system of an earlier W of the same contacts has left."""
         self._W, self._behind, self._kept = W, behind, kept
         self._precondition: PreconditionerOverRanks | None = None
-        self._demand, bodies = Demand(), behind.bodies
+        self.rounds, self._demand, bodies = Rounds(ROUNDS, PART), Demand(), behind.bodies
         self.pays = bodies is not None and largest_joint(bodies, behind.count) <= JOINT_UP_TO and not len(W.layout.free)
 
     @property
@@ -56,17 +54,18 @@ class TwoLevelOverRanks:
             return None
         diagonal = self._W.diagonal().reshape(rhs.shape)
         limits = self._demand.following(needed, foreseen=foreseen)
+        changed_by = FIRST_CHANGED if foreseen else CHANGED
         found = None
         if self._precondition is not None and self._precondition.given_away:  # to a later W
             self._precondition = None
         if self._precondition is None and self._kept is not None:
             self._precondition = self._kept.following(bodies, diagonal)
         if self._precondition is not None:
-            found = self._by(self._precondition, (A, B, rhs, diagonal), limits)
+            found = self._by(self._precondition, (A, B, rhs, diagonal), limits, changed_by)
         if found is None and (self._precondition is None or self._precondition.earlier):
             self._precondition = self._kept = None  # the old one makes room for the new
             self._precondition = self._anew(bodies)
-            found = self._by(self._precondition, (A, B, rhs, diagonal), limits)
+            found = self._by(self._precondition, (A, B, rhs, diagonal), limits, changed_by)
         self.pays = found is not None
         return found
 
@@ -80,9 +79,11 @@ class TwoLevelOverRanks:
         """dr and W dr (m,) as `TwoLevelSystem.settled`, all (nc, ...) whole on every rank."""
         if self._precondition is None or self._precondition.given_away or not self.pays:
             return None
-        step = patched_over_ranks(self._precondition.joints.of_all, self._W, u, r, mu, rho, weight, limit)
-        if step is None:
+        found = patched_over_ranks(self._precondition.joints.of_all, self._W, u, r, mu, rho, weight, limit)
+        if found is None:
             return None
+        step, few = found
+        self.rounds = Rounds(ROUNDS, PART, WORTH if few else FULL_WORTH)
         dr, layout = step.ravel(), self._W.layout
         with layout.world.unasked("W times what patches move by"):
             return dr, layout.summed(self._W.own_product_of_few(dr[layout.own_unknowns]))
@@ -92,6 +93,7 @@ class TwoLevelOverRanks:
         precondition: PreconditionerOverRanks,
         given: tuple[FloatArray, FloatArray, FloatArray, FloatArray],
         limits: tuple[float, float],
+        changed_by: float,
     ) -> tuple[FloatArray, FloatArray] | None:
         """dr and W dr by GMRES with this preconditioner, as in `TwoLevelSystem`; given: A, B, rhs and the diagonal of W, by contacts, whose
         rows are normalised where this rank has them."""
@@ -100,7 +102,7 @@ class TwoLevelOverRanks:
         A, B, rhs, diagonal = (values[halo.contacts] for values in given)
         A, B, rhs = kernels.normalised(A, B, rhs, diagonal.mean(1))
         try:
-            precondition.update(A[joints.in_halo], B[joints.in_halo])
+            precondition.update(A[joints.in_halo], B[joints.in_halo], changed_by)
         except SingularMatrix:
             return None
         d = rhs.shape[1]

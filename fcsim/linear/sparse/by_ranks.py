@@ -1,0 +1,29 @@
+"""Work on the columns of a sparse matrix that all ranks have: each takes some of them, with the bits that one process would have."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.sparse as sp
+
+from fcsim.arrays import FloatArray
+from fcsim.linear.sparse import _columns_kernels as kernels
+from fcsim.linear.sparse.columns import transposed_times
+from fcsim.ranks import in_parts, world
+
+CONTACTS_FROM = 3000
+"""Contacts from which ranks share work on them: a product with H^T of as many takes a third of a millisecond, exchanging it a tenth."""
+
+
+def transposed_times_by_ranks(A: sp.sparray | FloatArray, x: FloatArray) -> FloatArray:
+    """A^T x (m,) as `transposed_times`; all ranks must ask."""
+    if world() is None or not isinstance(A, sp.csc_array) or A.dtype != np.float64 or x.dtype != np.float64:
+        return transposed_times(A, x)
+    d = 1 if A.shape[1] % 3 else 3  # columns that the kernel takes together
+    product = np.empty((A.shape[1] // d, d))
+
+    def multiply(begin: int, end: int) -> None:
+        own = A.indptr[d * begin : d * end + 1]
+        product[begin:end] = kernels.transposed_times_columns(own, A.indices, A.data, x).reshape(-1, d)
+
+    in_parts("H^T v", len(product), CONTACTS_FROM, multiply, product)
+    return product.ravel()

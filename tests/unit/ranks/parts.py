@@ -1,0 +1,56 @@
+"""Work on rows and columns that ranks share. Writes what each rank has, as digests."""
+
+import hashlib
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+import scipy.sparse as sp
+
+from fcsim.linear.sparse.by_ranks import CONTACTS_FROM, transposed_times_by_ranks
+from fcsim.ranks import alone, in_parts, sharing
+
+
+def digest(array: np.ndarray) -> str:
+    return hashlib.sha256(np.ascontiguousarray(array).tobytes()).hexdigest()
+
+
+def made(rows: int, least: int) -> tuple[list[str], int]:
+    """Digests of rows made in parts, and how many this rank has made."""
+    numbers, flags, own = np.empty((rows, 3)), np.empty(rows, dtype=bool), [0]
+
+    def work(begin: int, end: int) -> None:
+        k = np.arange(begin, end)
+        numbers[begin:end], flags[begin:end] = np.sin(k[:, None] + np.arange(3)), k % 3 == 0
+        own[0] += end - begin
+
+    in_parts("rows", rows, least, work, numbers, flags)
+    return [digest(numbers), digest(flags)], own[0]
+
+
+def products() -> list[str]:
+    """Of A^T x for columns by threes and others, more and fewer than ranks share, beside SciPy's."""
+    rng = np.random.default_rng(0)
+    found = []
+    for columns in (3 * CONTACTS_FROM + 3, CONTACTS_FROM + 1, 30):
+        A = sp.random_array((500, columns), density=0.02, rng=rng, format="csc")
+        x = rng.standard_normal(500)
+        product = transposed_times_by_ranks(A, x)
+        assert np.array_equal(product, A.T @ x)
+        found.append(digest(product))
+    return found
+
+
+def main(folder: Path) -> None:
+    with sharing() as world:
+        number = 0 if world is None else world.number
+        rows, few, several = made(1001, 1), made(1001, 1002), made(2, 1)
+        with alone():
+            by_itself = made(1001, 1)
+        found = {"rows": rows, "few": few, "several": several, "alone": by_itself, "products": products()}
+        (folder / f"{number}.json").write_text(json.dumps(found), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]))

@@ -1,0 +1,34 @@
+"""Rows and products that ranks make in parts are on all of them, bit for bit, what one process makes."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.unit.ranks import parts
+from tests.unit.ranks.conftest import Program
+
+
+@pytest.fixture(scope="module")
+def expected(tmp_path_factory: pytest.TempPathFactory) -> Any:
+    folder = tmp_path_factory.mktemp("one")
+    parts.main(folder)
+    return json.loads((folder / "0.json").read_text(encoding="utf-8"))
+
+
+@pytest.mark.parametrize("ranks", (2, 3))
+def test_parts_are_those_of_one_process(mpiexec: Program, tmp_path: Path, expected: Any, ranks: int) -> None:
+    ended = mpiexec(ranks, Path(parts.__file__), tmp_path)
+    assert ended.code == 0, ended.err
+    found = [json.loads((tmp_path / f"{rank}.json").read_text(encoding="utf-8")) for rank in range(ranks)]
+    for own in found:
+        for name in ("rows", "few", "several", "alone"):
+            assert own[name][0] == expected[name][0]
+        assert own["products"] == expected["products"]
+        assert own["few"][1] == own["alone"][1] == expected["rows"][1] == 1001
+    for name, count in (("rows", 1001), ("several", 2)):
+        made = [own[name][1] for own in found]
+        assert sum(made) == count and max(made) - min(made) <= 1  # each rank as many
