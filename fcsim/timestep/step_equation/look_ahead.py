@@ -25,7 +25,7 @@ import numpy as np
 
 from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.assembly.model import Model
-from fcsim.contact_detection import Detection, Everything, ExactContacts
+from fcsim.contact_detection import Detection, Detector, Everything, ExactContacts
 from fcsim.contact_detection.contacts import join
 from fcsim.contact_detection.sweep import brought_back
 from fcsim.contact_law.law import Implicit
@@ -63,7 +63,9 @@ def looked_ahead(
 ) -> Encounter | None:
     """Return the encounter of a step with what its answer v (n_dofs,) and the state after it show; None where all is as it was meant."""
     timing = scheme.timing
-    if not timing.moving or not (_found_late(model, detection, scheme, met, after) or _may_miss(model, scheme, state, met, v, after)):
+    if not timing.moving:
+        return _came_together(model, detection, scheme, state, met, after)
+    if not (_found_late(model, detection, scheme, met, after) or _may_miss(model, scheme, state, met, v, after)):
         return None
     held = met.meeting.contacts
     positions = model.positions(scheme.detection_configuration(model, after))
@@ -117,6 +119,28 @@ def places(known: IntArray, wanted: IntArray) -> tuple[IntArray, BoolArray]:
     place = np.searchsorted(known, wanted)
     there = np.append(known, -1)[place] == wanted
     return np.where(there, place, len(known)), there
+
+
+def _came_together(model: Model, detection: Detection, scheme: Scheme, state: State, met: Encounter, after: State) -> Encounter | None:
+    """The encounter of a load step of statics with the contacts of bodies that had none and end it in each other; None where none do.
+
+    A support may carry a body from afar, beyond where contacts are looked for, into another one: without this the step would end without
+    a force. Contacts are those of the end, brought back. What nonlinear bodies meet is found at the iterates, see `Anew`.
+    """
+    if model.nonlinear or not isinstance(detection, Everything | Detector):
+        return None
+    positions, held, n = model.positions(after.x), met.meeting.contacts, len(model.bodies)
+    if not moves(met, positions - met.meeting.positions):
+        return None
+    there = detection(positions)
+    known = np.unique(held.bodies.min(axis=1) * n + held.bodies.max(axis=1))
+    new = ~np.isin(there.bodies.min(axis=1) * n + there.bodies.max(axis=1), known)
+    new[new] = there.gap[new] < -BORNE * met.meeting.proportions.size_at(there.take(new))
+    if not new.any():
+        return None
+    every = join([held, brought_back(there.take(new), met.meeting.positions)])
+    every, meeting = every.take(np.argsort(every.identity, kind="stable")), met.meeting
+    return under_law(model, scheme, state, every, meeting.positions, meeting.proportions, meeting.variables, trial=meeting.trial)
 
 
 def _found_late(model: Model, detection: Detection, scheme: Scheme, met: Encounter, after: State) -> bool:
