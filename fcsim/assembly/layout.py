@@ -78,10 +78,13 @@ class BodyLayout:
         """Nodes (n_nodes, d) [m] in the reference configuration."""
         return np.concatenate([body.points for body in self.bodies])
 
-    @property
-    def bounded_points(self) -> FloatArray:
-        """Those of `reference` that are not of planes, whose points are those of a picture of any size."""
-        return np.concatenate([np.zeros((0, self.dimension)), *(body.points for body in self.bodies if not endless(body))])
+    @cached_property
+    def size_and_reach(self) -> tuple[float, float]:
+        """The model's size, and the largest of that and of its coordinates [m], in the reference; without planes, whose points are those
+        of a picture of any size."""
+        points = np.concatenate([np.zeros((0, self.dimension)), *(body.points for body in self.bodies if not endless(body))])
+        size = float(np.ptp(points, axis=0).max()) if len(points) else 0.0
+        return size, max(size, float(np.abs(points).max(initial=0.0)))
 
     @cached_property
     def dof_of_node(self) -> IntArray:

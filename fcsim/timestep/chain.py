@@ -91,8 +91,8 @@ class SolverSettings:
 
     name       of the table of solvers, `fcsim.SOLVERS`; options: those of the method, by name
     tol        on the scaled error of each step's problem
-    floor      [m/s; quasi-statics: m] what counts as motion at least, see `fcsim.problem.error`; None: of which `tol` is what gaps
-               are known to, see `settings_of_model`
+    floor      [m/s; quasi-statics: m] what counts as motion at least, see `fcsim.problem.error`; None: by the model, its gravity and
+               the step, see `settings_of_model`
     fallback   names that follow, see above; (): none
     loop       how a step with turning or nonlinear bodies goes to its answer: "sequence", friction problems that are solved one after the
                other; "one", one linearisation of the bodies an iteration of the contacts, with the nonsmooth Newton methods (see
@@ -133,17 +133,26 @@ class SolverSettings:
 DIGITS = 4 * float(np.finfo(np.float64).eps)
 """Of the largest coordinate: what gaps, differences of coordinates, are known to."""
 
+MOST_MOTION, OF_A_FALL = 1e-6, 0.1
+"""The floor of dynamics: at most so much of the model's size in a step, and so much of the speed that gravity gives a body in a step."""
 
-def settings_of_model(settings: SolverSettings, points: FloatArray, timing: Timing) -> SolverSettings:
-    """The settings with a floor for the model of `points` (n, d) [m], where they have none: 4 eps X / tol in statics, by h in dynamics.
 
-    X is the largest of coordinates and size. Errors of `tol` floor are then what gaps have of round-off, 1e-15 X, and a model in other
-    units of length and time has the same answers.
+def settings_of_model(
+    settings: SolverSettings, lengths: tuple[float, float], timing: Timing, gravity: FloatArray, nc: int
+) -> SolverSettings:
+    """The settings with a floor for a step with nc contacts, where they have none.
+
+    lengths [m]: the model's size L and the largest of that and its coordinates, X; gravity (d,) [m/s^2]: g. The floor of statics is
+    4 eps X sqrt(nc) / tol: errors of `tol` of it are round-off of gaps. That of dynamics is this by h, or g h / 10 where that is more,
+    which keeps forces of bodies at rest to a tenth of `tol`, at most 1e-6 L / h. So a model in other units has the same answers.
     """
-    if settings.floor is not None or not len(points):
+    if settings.floor is not None:
         return settings
-    known = DIGITS * max(float(np.abs(points).max()), float(np.ptp(points, axis=0).max()))
-    return replace(settings, floor=known / settings.tol / (timing.h if timing.moving else 1.0))
+    known = DIGITS * lengths[1] * max(nc, 1) ** 0.5 / settings.tol
+    if not timing.moving:
+        return replace(settings, floor=known)
+    fall = OF_A_FALL * float(np.linalg.norm(gravity)) * timing.h
+    return replace(settings, floor=max(known / timing.h, min(MOST_MOTION * lengths[0] / timing.h, fall)))
 
 
 def solve_chain(

@@ -134,12 +134,10 @@ class Simulation:
 
     @cached_property
     def _rest(self) -> float:
-        return energy_at_rest(self.model, min(self._settings.least_motion, REST * self._extent / self.scheme.h))
+        return energy_at_rest(self.model, REST * self._extent / self.scheme.h)
 
-    @cached_property
-    def _settings(self) -> SolverSettings:
-        """The solver's, with a floor."""
-        return settings_of_model(self.solver, self.model.bounded_points, self.scheme.timing)
+    def _settings(self, t: float, nc: int = 1) -> SolverSettings:
+        return settings_of_model(self.solver, self.model.size_and_reach, self.scheme.timing, self.model.gravity_at(t + self.scheme.h), nc)
 
     @cached_property
     def _measure(self) -> DeformationMeasure:
@@ -168,7 +166,7 @@ class Simulation:
 
     def _opening(self, state: State) -> tuple[str, ...]:
         """Remarks as a run begins."""
-        own = opening_remarks(self.model, self.detector, self.scheme, state, self.steps, self.linkage, self.solver, self._settings)
+        own = opening_remarks(self.model, self.detector, self.scheme, state, self.steps, self.linkage, self.solver, self._settings(state.t))
         return (*locking_parts(self.model), *own)
 
     def run(self, after: Moment | None = None, anchor: Moment | None = None) -> Iterator[Step]:
@@ -240,7 +238,7 @@ class Simulation:
             return None
 
         def solve(equation: Equation, past: Past) -> tuple[Answer | None, Past]:
-            return solve_equation(equation, self._settings, self._extent, past, attempts, Clock())
+            return solve_equation(equation, self._settings(start.state.t), self._extent, past, attempts, Clock())
 
         made = struck(self.model, self.detector, scheme, start, self._proportions, self.linkage, self.system, solve)
         return (start, None) if made is None else (replace(start, state=made.state), made.energy)
@@ -290,10 +288,10 @@ class Simulation:
         elastic = Linearisation(scheme, model, state, past.serving)
         factor = self.system(scheme).with_rigid_mass(rigid_mass).turned(elastic.rotation)
         met, looks, driven, links = began, 0, scheme.driven(model, state), Closing(linked(self.linkage, model, scheme, state), self._extent)
-        borne = borne_at_first(model, self.detector, scheme, met)
+        borne, settings = borne_at_first(model, self.detector, scheme, met), self._settings(start.state.t, len(met.contacts))
         while True:
             equation = Equation(scheme, model, state, met, factor, rest, driven, elastic, 0.5**cuts, links.rows, borne=borne)
-            answer, past = solve_settled(equation, self._settings, self._extent, past, attempts, clock, partial(self._anew, start))
+            answer, past = solve_settled(equation, settings, self._extent, past, attempts, clock, partial(self._anew, start))
             if kept is not None and past.serving is not None:
                 kept[cuts] = past.serving
             if answer is None:
