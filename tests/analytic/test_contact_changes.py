@@ -71,14 +71,13 @@ def test_far_apart_lost_and_regained(rule: Any, matching: bool, d: int) -> None:
 
 @pytest.mark.parametrize("rule", ["nodes", "mortar"])
 def test_a_step_longer_than_the_alert_distance(rule: Any) -> None:
-    """What the alert distance missed is there at the end of the step and found in the next one, as long as it is not deeper than half a
-    facet."""
+    """What the alert distance missed is met at the end of the step, which is solved again with it, as long as it is not deeper than half
+    a facet."""
     model = driven_column(2, 0.02, (3, 2), (3, 2), [0.025, 0.0])
     surfaces = contact_surface(model, [("upper", "y-")]), contact_surface(model, [("lower", "y+")])
     first, second = run(model, [SurfacePair(*surfaces, 0.4, 1e-3, rule)], 2, QuasiStatic(1.0), tol=1e-10)
-    assert len(first.contacts) == 0
-    assert_allclose([first.penetration, second.penetration], [0.005, 0.0], atol=1e-9)
-    assert_allclose(second.contact_force_on(1)[1], E * SIDE * 0.005 / (2 * HEIGHT), rtol=1e-8)
+    assert_allclose([first.penetration, second.penetration], [0.0, 0.0], atol=1e-9)
+    assert_allclose([step.contact_force_on(1)[1] for step in (first, second)], E * SIDE * 0.005 / (2 * HEIGHT), rtol=1e-7)
 
 
 def drawn_over_the_edge(rule: Any, steps: int) -> np.ndarray:
