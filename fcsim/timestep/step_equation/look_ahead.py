@@ -124,10 +124,10 @@ def places(known: IntArray, wanted: IntArray) -> tuple[IntArray, BoolArray]:
 def _came_together(model: Model, detection: Detection, scheme: Scheme, state: State, met: Encounter, after: State) -> Encounter | None:
     """The encounter of a load step of statics with the contacts of bodies that had none and end it in each other; None where none do.
 
-    A support may carry a body from afar, beyond where contacts are looked for, into another one: without this the step would end without
-    a force. Contacts are those of the end, brought back. What nonlinear bodies meet is found at the iterates, see `Anew`.
+    A support or a load may carry a body from afar, beyond where contacts are looked for, into another one: without this the step would
+    end without a force. Contacts are those of the end, brought back. What nonlinear bodies meet is found at the iterates, see `Anew`.
     """
-    if model.nonlinear or not isinstance(detection, Everything | Detector):
+    if model.nonlinear or not isinstance(detection, Everything | Detector | ExactContacts):
         return None
     positions, held, n = model.positions(after.x), met.meeting.contacts, len(model.bodies)
     if not moves(met, positions - met.meeting.positions):
@@ -138,7 +138,10 @@ def _came_together(model: Model, detection: Detection, scheme: Scheme, state: St
     new[new] = there.gap[new] < -BORNE * met.meeting.proportions.size_at(there.take(new))
     if not new.any():
         return None
-    every = join([held, brought_back(there.take(new), met.meeting.positions)])
+    found = there.take(new)
+    if isinstance(detection, ExactContacts):
+        found = detection.rolled_back(found, positions, met.meeting.positions)
+    every = join([held, brought_back(found, met.meeting.positions)])
     every, meeting = every.take(np.argsort(every.identity, kind="stable")), met.meeting
     return under_law(model, scheme, state, every, meeting.positions, meeting.proportions, meeting.variables, trial=meeting.trial)
 
