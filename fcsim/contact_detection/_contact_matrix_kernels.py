@@ -25,6 +25,21 @@ def starts_of_columns(nodes: IntArray, weights: FloatArray, d: int) -> tuple[Int
 
 
 @njit(cache=True)
+def _in_order(nodes: IntArray, weights: FloatArray, real: IntArray) -> int:
+    """How many of a contact's nodes (k,) count, and in `real` (k,) their places, sorted by node number (insertion: they are few)."""
+    n = 0
+    for j in range(len(nodes)):
+        if nodes[j] >= 0 and weights[j] != 0.0:
+            place = n
+            while place > 0 and nodes[real[place - 1]] > nodes[j]:
+                real[place] = real[place - 1]
+                place -= 1
+            real[place] = j
+            n += 1
+    return n
+
+
+@njit(cache=True)
 def fill_contact_matrix(
     nodes: IntArray, weights: FloatArray, frame: FloatArray, indptr: IntArray, rows: IntArray, data: FloatArray
 ) -> None:
@@ -33,15 +48,7 @@ def fill_contact_matrix(
     d = frame.shape[1]
     real = np.empty(k, dtype=np.int64)
     for a in range(nc):
-        n = 0
-        for j in range(k):  # insertion sort by node number of the few nodes that count
-            if nodes[a, j] >= 0 and weights[a, j] != 0.0:
-                place = n
-                while place > 0 and nodes[a, real[place - 1]] > nodes[a, j]:
-                    real[place] = real[place - 1]
-                    place -= 1
-                real[place] = j
-                n += 1
+        n = _in_order(nodes[a], weights[a], real)
         begin, size = indptr[d * a], d * n
         for c in range(d):
             for s in range(n):
@@ -99,15 +106,7 @@ def fill_on_bodies(
     d = frame.shape[1]
     real, split = np.empty(most, dtype=np.int64), d * elastic
     for a in range(nc):
-        n = 0
-        for j in range(most):  # as there
-            if nodes[a, j] >= 0 and weights[a, j] != 0.0:
-                place = n
-                while place > 0 and nodes[a, real[place - 1]] > nodes[a, j]:
-                    real[place] = real[place - 1]
-                    place -= 1
-                real[place] = j
-                n += 1
+        n = _in_order(nodes[a], weights[a], real)
         begin, size = indptr[d * a], indptr[d * a + 1] - indptr[d * a]
         deformable = 0
         while deformable < n and nodes[a, real[deformable]] < elastic:

@@ -134,6 +134,7 @@ class Simulation:
 
     @cached_property
     def _rest(self) -> float:
+        """Kinetic energy [J] of what is at rest, see `energy_at_rest`."""
         return energy_at_rest(self.model, REST * self._extent / self.scheme.h)
 
     def _settings(self, t: float, nc: int = 1) -> SolverSettings:
