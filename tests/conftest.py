@@ -1,4 +1,4 @@
-"""Before any test imports NumPy: fcsim limits the threads of BLAS, which fight with those of other processes. No test depends on the clock."""
+"""Before any test imports NumPy: fcsim limits the threads of BLAS, which fight with those of other processes. Nothing has a deadline."""
 
 import hypothesis
 
