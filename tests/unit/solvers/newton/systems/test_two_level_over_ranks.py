@@ -84,7 +84,8 @@ def test_fronts_and_what_they_leave_solve_the_matrix() -> None:
         own, border = k * np.diff(tree.first)[which], k * np.diff(tree.starts)[which]
         values = np.empty(np.sum(own * (own + 2 * border)))
         given = (tree.order, tree.first, tree.starts, tree.rows)
-        coarse.eliminate(given, which, begins, columns, mirror, S, top, values, T)
+        changed, complements = np.ones(len(S), dtype=bool), np.empty(np.sum(border**2))
+        coarse.eliminate(given, which, begins, columns, mirror, S, changed, top, values, complements, T)
         borders = np.concatenate([tree.rows[tree.starts[f] : tree.starts[f + 1]] for f in which])
         fronts = values, np.stack([own, border], axis=1), k * tree.first[which], (borders[:, None] * k + np.arange(k)).ravel()
         coarse.forward(*fronts, x)
@@ -95,6 +96,44 @@ def test_fronts_and_what_they_leave_solve_the_matrix() -> None:
     solution = np.empty_like(x)
     solution[order] = x
     assert_allclose(dense @ solution, c, atol=1e-11)
+
+
+@pytest.mark.parametrize("others", [(), (0,), (3, 40), (24,)])
+def test_fronts_of_what_has_not_changed_stay_with_the_bits_of_all_made_anew(others: tuple[int, ...]) -> None:
+    """Blocks of some rows are others: fronts in whose subtrees none is are not touched, and what they leave counts as before."""
+    rng, side, k = np.random.default_rng(1), 7, 4
+    begins, columns, S = grid(rng, side, k)
+    n = side * side
+    row = np.repeat(np.arange(n), np.diff(begins))
+    mirror, between = np.searchsorted(row * n + columns, columns * n + row), np.arange(n) // side == 6
+    tree = elimination_tree(begins, columns, 0.15, last=between)
+    which = np.flatnonzero(~np.logical_or.reduceat(between[tree.order], tree.first[:-1]))
+    places = np.arange(tree.first[which[-1] + 1], n)
+    top = np.full(n, -1)
+    top[places] = np.arange(len(places))
+    own, border = k * np.diff(tree.first)[which], k * np.diff(tree.starts)[which]
+    sizes = own * (own + 2 * border)
+
+    def eliminated(S: np.ndarray, changed: np.ndarray, kept: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
+        T = np.zeros((k * len(places), k * len(places)))
+        coarse.eliminate((tree.order, tree.first, tree.starts, tree.rows), which, begins, columns, mirror, S, changed, top, *kept, T)
+        return T
+
+    kept, fresh = ((np.empty(sizes.sum()), np.empty(np.sum(border**2))) for _ in range(2))
+    every = np.ones(len(S), dtype=bool)
+    eliminated(S, every, kept)
+    other, changed = S.copy(), np.isin(row, others)
+    other[changed] *= 1.5
+    expected = eliminated(other, every, fresh)
+    left = kept[0].copy()
+    assert np.array_equal(eliminated(other, changed, kept), expected)
+    assert np.array_equal(kept[0], fresh[0])
+    assert np.array_equal(kept[1], fresh[1])
+    if others:  # what is marked is what is made anew: unmarked changes are not seen
+        stale, unmarked = (left.copy(), fresh[1].copy()), np.zeros(len(S), dtype=bool)
+        eliminated(other, unmarked, stale)
+        assert np.array_equal(stale[0], left)
+        assert not np.array_equal(left, fresh[0])
 
 
 @pytest.mark.parametrize("count", [1, 4, 7])

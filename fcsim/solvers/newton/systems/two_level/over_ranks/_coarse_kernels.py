@@ -36,62 +36,82 @@ def separators(begins, columns, rank, first):
 
 
 @njit(cache=True, nogil=True)
-def eliminate(tree, which, indptr, indices, mirror, S, top, values, T):
+def eliminate(tree, which, indptr, indices, mirror, S, changed, top, values, complements, T):
     """Write the fronts of a matrix by blocks S (blocks, k, k) to `values`, in the precision of these, and add what they leave on the rows
     top[place] >= 0, which none of them has for its own, to T; raises LinAlgError where one is singular.
 
+    Fronts of which no block is `changed` (blocks,), nor one below them, are in `values` and `complements`, front after front, from before.
     place: in the order of elimination; mirror (blocks,): the block in the place (j, i) of that in (i, j).
     """
     order, first, starts, rows = tree
-    k, n_rows, at = S.shape[1], len(order), 0
+    k, n_rows, at, end = S.shape[1], len(order), 0, 0
     place, local = np.empty(n_rows, dtype=np.int64), np.full(n_rows, -1)
     for i in range(n_rows):
         place[order[i]] = i
-    waiting, begin_of_waiting, count = np.empty(len(which), dtype=np.int64), np.zeros(len(which) + 1, dtype=np.int64), 0
-    stack = np.empty(1)  # complements of fronts whose parents are to come, one after the other
+    waiting, begins, count = np.empty(len(which), dtype=np.int64), np.empty(len(which), dtype=np.int64), 0
+    anew = np.empty(len(which), dtype=np.bool_)  # of those that wait for their parents
     for f in which:
         border = rows[starts[f] : starts[f + 1]]
         own = first[f + 1] - first[f]
-        for i in range(own):
-            local[first[f] + i] = i
-        for i in range(len(border)):
-            local[border[i]] = own + i
-        F = np.zeros(((own + len(border)) * k, (own + len(border)) * k))
-        for i in range(own):
-            row = order[first[f] + i]
-            for e in range(indptr[row], indptr[row + 1]):
-                j = local[place[indices[e]]]
-                if j >= 0:
-                    F[i * k : (i + 1) * k, j * k : (j + 1) * k] = S[e]
-                    if j >= own:
-                        F[j * k : (j + 1) * k, i * k : (i + 1) * k] = S[mirror[e]]
-        # in postorder a front's children are those that came last
-        while count and rows[starts[waiting[count - 1]]] < first[f + 1]:
-            count -= 1
-            below, begin = rows[starts[waiting[count]] : starts[waiting[count] + 1]], begin_of_waiting[count]
-            b = len(below) * k
-            extend_add(stack[begin : begin + b * b].reshape(b, b), local[below], k, F)
         n, b = own * k, len(border) * k
-        inverse, right = np.linalg.inv(np.ascontiguousarray(F[:n, :n])), np.ascontiguousarray(F[:n, n:])
-        left = np.dot(np.ascontiguousarray(F[n:, :n]), inverse)
-        values[at : at + b * n] = left.ravel()
-        values[at + b * n : at + b * n + n * n] = inverse.ravel()
-        values[at + b * n + n * n : at + n * (n + 2 * b)] = right.ravel()
+        begin, end = end, end + b * b
+        children = count  # in postorder they are those that came last
+        while children and rows[starts[waiting[children - 1]]] < first[f + 1]:
+            children -= 1
+        if np.any(anew[children:count]) or _has_changed(f, order, first, place, indptr, indices, mirror, changed):
+            for i in range(own):
+                local[first[f] + i] = i
+            for i in range(len(border)):
+                local[border[i]] = own + i
+            F = np.zeros((n + b, n + b))
+            _fill_front(f, order, first, place, local, indptr, indices, mirror, S, F)
+            for c in range(count - 1, children - 1, -1):
+                below = rows[starts[waiting[c]] : starts[waiting[c] + 1]]
+                size = len(below) * k
+                extend_add(complements[begins[c] : begins[c] + size * size].reshape(size, size), local[below], k, F)
+            inverse, right = np.linalg.inv(np.ascontiguousarray(F[:n, :n])), np.ascontiguousarray(F[:n, n:])
+            left = np.dot(np.ascontiguousarray(F[n:, :n]), inverse)
+            values[at : at + b * n] = left.ravel()
+            values[at + b * n : at + b * n + n * n] = inverse.ravel()
+            values[at + b * n + n * n : at + n * (n + 2 * b)] = right.ravel()
+            complements[begin:end] = (F[n:, n:] - np.dot(left, right)).ravel()
+            local[first[f] : first[f + 1]] = -1
+            for i in range(len(border)):
+                local[border[i]] = -1
+            is_anew = True
+        else:
+            is_anew = False
         at += n * (n + 2 * b)
+        count = children
         if b and top[border[0]] >= 0:  # and so are the others, which follow
-            extend_add(np.ascontiguousarray(F[n:, n:] - np.dot(left, right)), top[border], k, T)
+            extend_add(complements[begin:end].reshape(b, b), top[border], k, T)
         elif b:
-            begin, end = begin_of_waiting[count], begin_of_waiting[count] + b * b
-            if end > len(stack):
-                stack = np.concatenate((stack, np.empty(end)))
-            stack[begin:end] = (F[n:, n:] - np.dot(left, right)).ravel()
-            waiting[count] = f
+            waiting[count], begins[count], anew[count] = f, begin, is_anew
             count += 1
-            begin_of_waiting[count] = end
-        for i in range(own):
-            local[first[f] + i] = -1
-        for i in range(len(border)):
-            local[border[i]] = -1
+
+
+@njit(cache=True, nogil=True)
+def _has_changed(f, order, first, place, indptr, indices, mirror, changed):
+    """Whether a block that the front f takes is `changed`."""
+    for i in range(first[f], first[f + 1]):
+        for e in range(indptr[order[i]], indptr[order[i] + 1]):
+            if place[indices[e]] >= first[f] and (changed[e] or changed[mirror[e]]):
+                return True
+    return False
+
+
+@njit(cache=True, nogil=True)
+def _fill_front(f, order, first, place, local, indptr, indices, mirror, S, F):
+    """Write the blocks of the front f's own rows and columns to F; local: the numbers of its places in it, -1 of others."""
+    own, k = first[f + 1] - first[f], S.shape[1]
+    for i in range(own):
+        row = order[first[f] + i]
+        for e in range(indptr[row], indptr[row + 1]):
+            j = local[place[indices[e]]]
+            if j >= 0:
+                F[i * k : (i + 1) * k, j * k : (j + 1) * k] = S[e]
+                if j >= own:
+                    F[j * k : (j + 1) * k, i * k : (i + 1) * k] = S[mirror[e]]
 
 
 @njit(cache=True, nogil=True)

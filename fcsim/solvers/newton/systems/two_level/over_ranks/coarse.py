@@ -69,24 +69,13 @@ class CoarseFactor:
         """S (blocks, k, k): the blocks in the pattern's order, whole where a rank needs them, else its share; SingularMatrix, on all ranks,
         where a front is singular. dtype: of what is kept, the precision of solutions."""
         self._pattern, self._k = pattern, S.shape[1]
-        world, k, most = pattern.world, S.shape[1], len(pattern.places)
+        world, k = pattern.world, S.shape[1]
         own, border = k * pattern.sizes.T
         self._values = np.empty(int(np.sum(own * (own + 2 * border))), dtype=dtype)
-        T = np.zeros((k * most, k * most))
-        with world.together("motions of bodies"):
-            which, row, column = pattern.blocks_of_top
-            T.reshape(most, k, most, k)[row, :, column] = S[which]
-            try:
-                matrix = (pattern.begins, pattern.columns, pattern.mirror, S)
-                kernels.eliminate(pattern.tree, pattern.which, *matrix, pattern.top, self._values, T)
-            except np.linalg.LinAlgError:
-                raise SingularMatrix("the bodies' motions on their joints are singular") from None
-        world.summed("motions of bodies between ranks", T.ravel())
+        self._complements = np.empty(int(np.sum(border**2)))  # what each front leaves on its border
+        self._lu: FloatArray
         self._pivots: IntArray
-        lu, self._pivots, info = sla.lapack.dgetrf(T.T, overwrite_a=True) if most else (T, np.empty(0, dtype=np.int64), 0)
-        if info > 0:
-            raise SingularMatrix("the bodies' motions on their joints are singular")
-        self._lu: FloatArray = lu
+        self.take(S, np.ones(len(S), dtype=bool))
         self._fronts = self._values, k * pattern.sizes, k * pattern.firsts, dofs_of(pattern.borders, k)
         self._of_top, self._told = dofs_of(pattern.places, k), dofs_of(pattern.told[world.number], k)
         self._counts = [k * len(places) for places in pattern.told]
@@ -94,6 +83,24 @@ class CoarseFactor:
         known = np.concatenate([pattern.by_rank[world.number], pattern.places])
         self._known = dofs_of(known, k), self._order[dofs_of(known, k)]
         self._heard = self._order[dofs_of(np.concatenate(pattern.told), k)]
+
+    def take(self, S: FloatArray, changed: BoolArray) -> None:
+        """Be the factor of S (blocks, k, k), with the bits of one made anew; changed (blocks,): which are others than before, of those that
+        this rank needs. After SingularMatrix, on all ranks, it is none."""
+        pattern, k, most = self._pattern, self._k, len(self._pattern.places)
+        T = np.zeros((k * most, k * most))
+        with pattern.world.together("motions of bodies"):
+            which, row, column = pattern.blocks_of_top
+            T.reshape(most, k, most, k)[row, :, column] = S[which]
+            try:
+                matrix = (pattern.begins, pattern.columns, pattern.mirror, S, changed)
+                kernels.eliminate(pattern.tree, pattern.which, *matrix, pattern.top, self._values, self._complements, T)
+            except np.linalg.LinAlgError:
+                raise SingularMatrix("the bodies' motions on their joints are singular") from None
+        pattern.world.summed("motions of bodies between ranks", T.ravel())
+        self._lu, self._pivots, info = sla.lapack.dgetrf(T.T, overwrite_a=True) if most else (T, np.empty(0, dtype=np.int64), 0)
+        if info > 0:
+            raise SingularMatrix("the bodies' motions on their joints are singular")
 
     def solve(self, c: NDArray[np.float32], z: NDArray[np.float32], guests: Guests) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """S^-1 c (n, k) on this rank's bodies, those between ranks, and those that it wants, for c the sum of what the ranks have; and what

@@ -31,6 +31,7 @@ class PreconditionerOverRanks:
         self._Q, self._R = (np.empty(starts[-1], dtype=np.float32) for starts in (joints.Q_starts, joints.R_starts))
         self._T = np.empty(joints.T_starts[-1])
         self._coarse: CoarseFactor | None = None
+        self._between = np.empty(0)  # blocks of the bodies' matrix where ranks meet, that `_coarse` was made of
         self._ranges = pieces_by_work(joints.Q_starts, ENTRIES_A_PIECE)
         if threads() == 1:
             self._ranges = [(0, len(joints.cuts) - 1)]  # each call takes some microseconds
@@ -60,8 +61,23 @@ class PreconditionerOverRanks:
         joints.parts.world.summed("motions of bodies on joints", between)
         S[joints.coarse_between] = between.reshape(-1, k, k)
         S[joints.coarse.diagonal] += np.eye(k)
-        self._coarse = None  # the old one makes room for the new
-        self._coarse = CoarseFactor(joints.coarse, S, joints.precision)
+        earlier, self._coarse = self._coarse, None  # known again where what follows succeeds
+        if earlier is None:
+            self._coarse = CoarseFactor(joints.coarse, S, joints.precision)
+        else:
+            of_others = np.any(between.reshape(-1, k * k) != self._between.reshape(-1, k * k), axis=1)
+            earlier.take(S, self._changed_blocks(changed, of_others))
+            self._coarse = earlier
+        self._between = between
+
+    def _changed_blocks(self, changed: BoolArray, between: BoolArray) -> BoolArray:
+        """Which blocks of the bodies' matrix this rank's joints `changed` (joints,) have part in, and those `between` ranks that are others
+        than before."""
+        joints = self.joints
+        blocks = np.zeros(len(joints.coarse.columns), dtype=bool)
+        blocks[joints.places[np.repeat(changed, np.diff(joints.place_begins))]] = True
+        blocks[joints.coarse_between[between]] = True
+        return blocks
 
     def _changed(self, A: FloatArray, B: FloatArray, changed_by: float) -> BoolArray:
         """As in `Preconditioner`."""
