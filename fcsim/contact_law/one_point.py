@@ -6,8 +6,9 @@ momentum by up to |g| |r_T|, of order h. Here both forces act, and both velociti
 
     p - s g N,  s = m_slave / (m_slave + m_master)
 
-so that the lighter body keeps its arm the more. Its normal is the same line: gaps and their rates stay. A body that supports hold has
-the moment from them, and the other one keeps its arm. Nodes of deformable bodies have no other point: there the couple remains.
+so that the lighter body keeps its arm the more. Its normal is the same line: gaps and their rates stay. A body that supports hold in all
+directions has the moment from them, and the other one keeps its arm; one that they hold at its centre alone turns, it counts as free. Nodes
+of deformable bodies have no other point: there the couple remains.
 """
 
 from __future__ import annotations
@@ -46,5 +47,5 @@ def _apart(model: Model, contacts: Contacts) -> IntArray:
     if not len(model.rigid) or not len(contacts):
         return np.empty(0, dtype=np.int64)
     free = np.zeros(len(model.bodies), dtype=bool)
-    free[len(model.bodies) - len(model.rigid) :] = model.rigid_free[:, : model.dimension].any(axis=1)
+    free[len(model.bodies) - len(model.rigid) :] = model.rigid_free.any(axis=1)  # to turn is enough
     return np.flatnonzero(free[contacts.bodies].all(axis=1) & (contacts.gap != 0) & ~contacts.cables)

@@ -13,9 +13,10 @@ from numpy.testing import assert_allclose
 
 from fcsim.assembly.model import build_model
 from fcsim.assembly.supports import Support
-from fcsim.contact_detection import Detector, SurfacePair
+from fcsim.contact_detection import Detector, ExactContacts, SurfacePair
 from fcsim.contact_detection.surfaces.model_surfaces import contact_surface
 from fcsim.contact_law import Velocity
+from fcsim.mesh import rigid_plane, rigid_sphere
 from fcsim.mesh.blocks import rigid_rectangle
 from fcsim.timestep.chain import SolverSettings
 from fcsim.timestep.generalised_alpha import GeneralisedAlpha
@@ -78,3 +79,29 @@ def test_touching_blocks_struck_at_once() -> None:
     end = row(-1e-9, 3)[-1]
     assert_allclose(end.state.v[0::3], np.array([-1, 2, 2]) / 3, atol=1e-8)
     assert_allclose(end.energy.kinetic, 0.5 * 2.0, rtol=1e-8)
+
+
+@pytest.mark.parametrize(("e", "mu"), [(0.8, 0.2), (0.5, 0.05), (1.0, 0.5)])
+@pytest.mark.parametrize("spin", [0.0, 60.0, -60.0])
+def test_a_ball_with_english_strikes_a_cushion(e: float, mu: float, spin: float) -> None:
+    """j_N = (1 + e) m v_N; friction stops the surface's v_T + R omega with 2 m / 7 of it where mu j_N is as much, else slides by that."""
+    R, m, v_n, v_t = 0.03, 0.17, 1.0, 0.5
+    ball, cushion = rigid_sphere("ball", R, (0, 0, 0), mass=m), rigid_plane("cushion", (0.1, 0, 0), (-1, 0, 0))
+    model = build_model([ball, cushion], supports=[Support("cushion", ("x", "y", "z", "rx", "ry", "rz"))])
+    initial = at_rest(model)
+    initial.v[:6] = [v_n, v_t, 0, 0, 0, spin]
+    *_, end = Simulation(model, ExactContacts(model, mu), Theta(1e-3, law=Velocity(e)), 150, SETTINGS, initial)
+    j = float(np.clip(-2 * m / 7 * (v_t + R * spin), -mu * m * (1 + e) * v_n, mu * m * (1 + e) * v_n))
+    assert_allclose(end.state.v[:6], [-e * v_n, v_t + j / m, 0, 0, 0, spin + R * j / (0.4 * m * R**2)], atol=1e-9)
+
+
+@pytest.mark.parametrize("masses", [(1.0, 1e9), (1e9, 1.0), (1e-9, 1e9), (1e9, 1e-9), (1e-9, 1e-9)])
+def test_balls_of_masses_far_apart_strike_each_other(masses: tuple[float, float]) -> None:
+    """e = 1: (m_1 - m_2) / (m_1 + m_2) and 2 m_1 / (m_1 + m_2) of the speed."""
+    one, other = masses
+    model = build_model([rigid_sphere("one", 0.1, (0, 0, 0), mass=one), rigid_sphere("other", 0.1, (0.3, 0, 0), mass=other)])
+    initial = at_rest(model)
+    initial.v[0] = 1.0
+    *_, end = Simulation(model, ExactContacts(model, 0.3), Theta(1e-3, law=Velocity(1.0)), 150, SETTINGS, initial)
+    assert end.state.v[0] == pytest.approx((one - other) / (one + other), rel=1e-8, abs=1e-15)
+    assert end.state.v[6] == pytest.approx(2 * one / (one + other), rel=1e-8, abs=0.0)

@@ -26,7 +26,7 @@ import numpy as np
 from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.assembly.model import Model
 from fcsim.contact_detection import Detection, Detector, Everything, ExactContacts
-from fcsim.contact_detection.contacts import join
+from fcsim.contact_detection.contacts import Contacts, join
 from fcsim.contact_detection.sweep import brought_back
 from fcsim.contact_law.law import Implicit
 from fcsim.timestep.encounter import Encounter, under_law
@@ -53,6 +53,12 @@ FEW = 5e-3
 
 THROWN = 1e-3
 """Of the smaller body's size: a contact that is carried farther than meant, since what bent it did not come about, is bent less."""
+
+FAR = 0.1
+"""Of the smallest body: bodies that a load step moves by less beside each other have not gone through one another."""
+
+TURNED = 0.2
+"""A turn [rad] within which what is met along a straight way is met."""
 
 _TURNED_ASIDE = 2e-3
 """Of the smallest body: velocities that impacts change by less than this over the step bring no new contact about."""
@@ -122,28 +128,48 @@ def places(known: IntArray, wanted: IntArray) -> tuple[IntArray, BoolArray]:
 
 
 def _came_together(model: Model, detection: Detection, scheme: Scheme, state: State, met: Encounter, after: State) -> Encounter | None:
-    """The encounter of a load step of statics with the contacts of bodies that had none and end it in each other; None where none do.
+    """The encounter of a load step of statics with the contacts that it did not begin with and ends in each other; None where none do.
 
-    A support or a load may carry a body from afar, beyond where contacts are looked for, into another one: without this the step would
-    end without a force. Contacts are those of the end, brought back. What nonlinear bodies meet is found at the iterates, see `Anew`.
+    A support or a load may carry a body from afar, beyond where contacts are looked for, into another one or through it: without this
+    the step would end without a force. Contacts are those met on the way, else those of the end, brought back; of bodies that touch
+    elsewhere and of one body with itself, too. What nonlinear bodies meet is found at the iterates, see `Anew`.
     """
     if model.nonlinear or not isinstance(detection, Everything | Detector | ExactContacts):
         return None
-    positions, held, n = model.positions(after.x), met.meeting.contacts, len(model.bodies)
-    if not moves(met, positions - met.meeting.positions):
+    begin, end, held, meeting = met.meeting.positions, model.positions(after.x), met.meeting.contacts, met.meeting
+    if not moves(met, end - begin):
         return None
-    there = detection(positions)
-    known = np.unique(held.bodies.min(axis=1) * n + held.bodies.max(axis=1))
-    new = ~np.isin(there.bodies.min(axis=1) * n + there.bodies.max(axis=1), known)
-    new[new] = there.gap[new] < -BORNE * met.meeting.proportions.size_at(there.take(new))
-    if not new.any():
+    found = _closed(met, _met_far(model, met, detection, end - begin), end)
+    if not len(found):
+        found = _closed(met, detection(end), end)
+        if isinstance(detection, ExactContacts):
+            found = detection.rolled_back(found, end, begin)
+        found = brought_back(found, begin)
+    if not len(found):
         return None
-    found = there.take(new)
-    if isinstance(detection, ExactContacts):
-        found = detection.rolled_back(found, positions, met.meeting.positions)
-    every = join([held, brought_back(found, met.meeting.positions)])
-    every, meeting = every.take(np.argsort(every.identity, kind="stable")), met.meeting
-    return under_law(model, scheme, state, every, meeting.positions, meeting.proportions, meeting.variables, trial=meeting.trial)
+    every = join([held, found])
+    every = every.take(np.argsort(every.identity, kind="stable"))
+    return under_law(model, scheme, state, every, begin, meeting.proportions, meeting.variables, trial=meeting.trial)
+
+
+def _met_far(model: Model, met: Encounter, detection: Detection, moved: FloatArray) -> Contacts:
+    """The contacts at the beginning of nodes' displacements (n_nodes, d) [m], and on their way where that is `FAR`. What flies off, as
+    statics let bodies that nothing holds, is followed to where it has left the others behind. Bodies that turn by more than `TURNED`
+    go other ways, with other normals: theirs are left out."""
+    begin, held = met.meeting.positions, met.meeting.contacts
+    way = float(np.linalg.norm(np.ptp(moved, axis=0)))
+    if way <= FAR * float(met.meeting.proportions.size.min(initial=np.inf)):
+        return held.take(np.zeros(len(held), dtype=bool))
+    part = min(1.0, 2.0 * float(np.linalg.norm(np.ptp(begin, axis=0))) / way)
+    found = detection(begin, part * moved)
+    turned = part * _turns(model, moved) > TURNED * _turns(model, begin)
+    return found.take(~turned[found.bodies].any(axis=1))
+
+
+def _closed(met: Encounter, contacts: Contacts, positions: FloatArray) -> Contacts:
+    """Those of the contacts that `met` does not have and that are closed by what counts at positions (n_nodes, d) [m]."""
+    deep = brought_back(contacts, positions).gap < -BORNE * met.meeting.proportions.size_at(contacts)
+    return contacts.take(deep & ~places(met.meeting.contacts.identity, contacts.identity)[1])
 
 
 def _found_late(model: Model, detection: Detection, scheme: Scheme, met: Encounter, after: State) -> bool:
@@ -187,7 +213,7 @@ def _may_miss(model: Model, scheme: Scheme, state: State, met: Encounter, v: Flo
 
 
 def _turns(model: Model, moved: FloatArray) -> FloatArray:
-    """The largest motion (nbodies,) [m] of a body's nodes beside their mean one, of their motions (n_nodes, d)."""
+    """The largest motion (nbodies,) [m] of a body's nodes beside their mean one, of their motions (n_nodes, d); of places half its size."""
     own = np.diff(model.node_offset)
     some, first = np.flatnonzero(own), model.node_offset[:-1][own > 0]
     mean = np.add.reduceat(moved, first, axis=0) / own[some, None]
