@@ -26,9 +26,10 @@ import numpy as np
 from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.assembly.model import Model
 from fcsim.contact_detection import Detection, Detector, Everything, ExactContacts
-from fcsim.contact_detection.contacts import join
+from fcsim.contact_detection.contacts import Contacts, join
 from fcsim.contact_detection.sweep import brought_back
 from fcsim.contact_law.law import Implicit
+from fcsim.errors import InputError
 from fcsim.timestep.encounter import Encounter, under_law
 from fcsim.timestep.scheme import Scheme
 from fcsim.timestep.state import State
@@ -53,6 +54,9 @@ FEW = 5e-3
 
 THROWN = 1e-3
 """Of the smaller body's size: a contact that is carried farther than meant, since what bent it did not come about, is bent less."""
+
+FAR = 2.0
+"""Of the model's size: so far along its way a load step of statics is looked at."""
 
 _TURNED_ASIDE = 2e-3
 """Of the smallest body: velocities that impacts change by less than this over the step bring no new contact about."""
@@ -122,28 +126,50 @@ def places(known: IntArray, wanted: IntArray) -> tuple[IntArray, BoolArray]:
 
 
 def _came_together(model: Model, detection: Detection, scheme: Scheme, state: State, met: Encounter, after: State) -> Encounter | None:
-    """The encounter of a load step of statics with the contacts of bodies that had none and end it in each other; None where none do.
+    """The encounter of a load step of statics with the contacts of bodies that had none and meet in it; None where none do.
 
-    A support or a load may carry a body from afar, beyond where contacts are looked for, into another one: without this the step would
-    end without a force. Contacts are those of the end, brought back. What nonlinear bodies meet is found at the iterates, see `Anew`.
+    A support or a load may carry a body from afar, beyond where contacts are looked for, into another one, or right through it: without
+    this the step would end without a force. Contacts are those of the way from the step's beginning to its end, see `sweep`, which begins
+    where bodies are apart: deep in each other, the nearest face is not the one by which they came; those of the end, brought back, where
+    the way shows none. What nonlinear bodies meet is found at the iterates, see `Anew`.
     """
     if model.nonlinear or not isinstance(detection, Everything | Detector | ExactContacts):
         return None
-    positions, held, n = model.positions(after.x), met.meeting.contacts, len(model.bodies)
-    if not moves(met, positions - met.meeting.positions):
+    begin, positions = met.meeting.positions, model.positions(after.x)
+    if not moves(met, positions - begin):
         return None
-    there = detection(positions)
-    known = np.unique(held.bodies.min(axis=1) * n + held.bodies.max(axis=1))
-    new = ~np.isin(there.bodies.min(axis=1) * n + there.bodies.max(axis=1), known)
-    new[new] = there.gap[new] < -BORNE * met.meeting.proportions.size_at(there.take(new))
-    if not new.any():
+    held, n = met.meeting.contacts, len(model.bodies)
+    known = _pairs(held, n)
+    on_the_way = _closing(_on_the_way(model, detection, begin, positions - begin), positions, known, met, n)
+    there = _closing(detection(positions), positions, np.union1d(known, _pairs(on_the_way, n)), met, n)
+    if not len(on_the_way) and not len(there):
         return None
-    found = there.take(new)
     if isinstance(detection, ExactContacts):
-        found = detection.rolled_back(found, positions, met.meeting.positions)
-    every = join([held, brought_back(found, met.meeting.positions)])
+        there = detection.rolled_back(there, positions, begin)
+    every = join([held, on_the_way, brought_back(there, begin)])
     every, meeting = every.take(np.argsort(every.identity, kind="stable")), met.meeting
     return under_law(model, scheme, state, every, meeting.positions, meeting.proportions, meeting.variables, trial=meeting.trial)
+
+
+def _on_the_way(model: Model, detection: Detection, begin: FloatArray, moved: FloatArray) -> Contacts:
+    """What is met on the way of a load step; InputError where that is too long to be looked at. Bodies that nothing but eta holds fly
+    kilometres: beyond twice the model's size they have met what they meet."""
+    farthest, far = float(np.abs(moved).max(initial=0.0)), FAR * model.size_and_reach[0]
+    try:
+        return detection(begin, moved * min(1.0, far / farthest))
+    except InputError as error:
+        raise InputError(f"{error}, or, where only eta holds a body in statics, choose a larger eta") from None
+
+
+def _closing(found: Contacts, positions: FloatArray, known: IntArray, met: Encounter, bodies: int) -> Contacts:
+    """Those of pairs of bodies that are not `known` which are closed at the end of the step, where nodes are at `positions`."""
+    new = ~np.isin(_pairs(found, bodies), known)
+    new[new] = found.take(new).along_normals(positions) < -BORNE * met.meeting.proportions.size_at(found.take(new))
+    return found.take(new)
+
+
+def _pairs(contacts: Contacts, bodies: int) -> IntArray:
+    return np.asarray(contacts.bodies.min(axis=1) * bodies + contacts.bodies.max(axis=1), dtype=np.int64)
 
 
 def _found_late(model: Model, detection: Detection, scheme: Scheme, met: Encounter, after: State) -> bool:
