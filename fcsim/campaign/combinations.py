@@ -71,6 +71,8 @@ def read_table_of_values(path: Path) -> list[dict[str, str]]:
             raise InputError(f"--table {path}: expected commas between the cells and points in numbers, got {header[0][:200]!r}")
         if len(row) != len(header):
             raise InputError(f"--table {path}, row {number}: expected {len(header)} values ({', '.join(header)}), got {len(row)}")
+        if not all(row):
+            raise InputError(f"--table {path}, row {number}: expected a value of {header[row.index('')]!r}, got an empty cell")
     return [dict(zip(header, row, strict=True)) for row in rows]
 
 

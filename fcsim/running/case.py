@@ -155,6 +155,8 @@ def load_case(path: str | Path) -> CaseScript:
         raise InputError(f"case {str(path)!r}: expected a script that can be loaded, {script} ends the program ({error})") from None
     except SyntaxError as error:
         raise InputError(f"case {str(path)!r}: {script} cannot be loaded as Python: {error}") from None
+    except EOFError as error:
+        raise _asks(error, script) from None
     except Exception as error:
         raise _of_the_script(error, script) from error
     return _checked(module, name, script, digest)
@@ -181,6 +183,8 @@ def _checked(module: ModuleType, name: str, script: Path, digest: str) -> CaseSc
             case: object = build(values)
         except SystemExit as error:
             raise InputError(f"case {name!r}: expected a case from build(), it ends the program ({error})") from None
+        except EOFError as error:
+            raise _asks(error, script) from None
         except (ZeroDivisionError, OverflowError, MemoryError, ValueError) as error:
             if isinstance(error, ValueError) and not _TOO_LARGE.search(str(error)):
                 raise _of_the_script(error, script) from error
@@ -194,6 +198,13 @@ def _checked(module: ModuleType, name: str, script: Path, digest: str) -> CaseSc
         return case
 
     return CaseScript(name, script, parameters, built, digest)
+
+
+def _asks(error: EOFError, script: Path) -> InputError:
+    """Of a script that calls input() where nobody answers."""
+    lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if Path(frame.filename) == script.resolve()]
+    where = f", line {lines[-1]}" if lines else ""
+    return InputError(f"{script}{where}: expected a script that asks nothing, there is no answer to input(): make it a parameter")
 
 
 _PACKAGE = Path(__file__).resolve().parents[1]

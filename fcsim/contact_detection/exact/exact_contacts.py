@@ -9,6 +9,7 @@ import numpy as np
 
 from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.assembly.model import Model
+from fcsim.assembly.supports import moved_together
 from fcsim.brief import brief
 from fcsim.contact_detection.arguments import excluded_pairs, refuse_alert
 from fcsim.contact_detection.contacts import Contacts, join
@@ -54,7 +55,7 @@ class ExactContacts:
     meshed: Everything | None = field(init=False, repr=False)
     distance: float = field(init=False, repr=False)
     friction: FrictionTable = field(init=False, repr=False)
-    movable: BoolArray = field(init=False, repr=False)
+    together: IntArray = field(init=False, repr=False)
     excluded: IntArray = field(init=False, repr=False)
     _meshed_nodes: IntArray = field(init=False, repr=False)
     _meshed_bodies: IntArray = field(init=False, repr=False)
@@ -73,7 +74,6 @@ class ExactContacts:
         others = np.setdiff1d(np.arange(len(names)), solids.body)
         offset = model.node_offset
         nodes = np.concatenate([np.empty(0, dtype=np.int64), *(np.arange(offset[k], offset[k + 1]) for k in others)])
-        driven = np.bincount(np.searchsorted(model.dof_offset, model.driven_dofs, side="right") - 1, minlength=len(names))
         rest = _without_exact(model, others) if len(others) else None
         values = {
             "solids": solids,
@@ -81,7 +81,7 @@ class ExactContacts:
             "meshed": self._everything(rest) if rest is not None and (len(others) > 1 or rest.deformable) else None,
             "distance": self.alert if self.alert is not None else _ALERT * float((radii if len(radii) else _half_extents(model)).min()),
             "friction": FrictionTable(self.mu, names),
-            "movable": driven < np.diff(model.dof_offset),
+            "together": moved_together(model, model.held, model.supports),
             "excluded": np.array(sorted(min(p) * len(names) + max(p) for p in exclude), dtype=np.int64),
             "_meshed_nodes": nodes,
             "_meshed_bodies": others,
@@ -96,9 +96,9 @@ class ExactContacts:
         return Everything(rest, mu, None, [pair for pair in self.exclude if set(pair) <= known])
 
     def _may_touch(self, bodies: IntArray) -> BoolArray:
-        """Which pairs of bodies (n, 2) are neither both held nor excluded."""
+        """Which pairs of bodies (n, 2) may move to each other and are not excluded."""
         a, b = bodies.min(axis=1), bodies.max(axis=1)
-        return (self.movable[a] | self.movable[b]) & ~np.isin(a * len(self.movable) + b, self.excluded)
+        return (self.together[a] != self.together[b]) & ~np.isin(a * len(self.together) + b, self.excluded)
 
     @property
     def n_nodes(self) -> int:

@@ -9,6 +9,7 @@ import numpy as np
 
 from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.assembly.model import Model
+from fcsim.assembly.supports import moved_together
 from fcsim.brief import brief
 from fcsim.contact_detection.arguments import excluded_pairs, refuse_alert
 from fcsim.contact_detection.contacts import Contacts
@@ -52,7 +53,7 @@ class Everything:
 
     Every body's whole closed surface takes part: the boundary of a deformable body's cells, all surfaces of a rigid one. Contacts are
     vertices on facets (both ways) and crossing edges, which together are the corners of flat patches, with the faces' normals; see
-    `vertices` and `edges` for the rules. Two bodies that supports hold completely do not touch each other.
+    `vertices` and `edges` for the rules. Two bodies that supports hold completely, and do not move to each other, do not touch each other.
 
     `everything(positions)` returns the contacts sorted by identity; with the step's `displacement` also those met on the way (`sweep`).
     InputError: a surface that is open or inside out, a table of friction without an entry that is asked for, names that do not exist.
@@ -67,7 +68,7 @@ class Everything:
     skin: Skin = field(init=False, repr=False)
     lengths: Lengths = field(init=False, repr=False)
     friction: FrictionTable = field(init=False, repr=False)
-    movable: BoolArray = field(init=False, repr=False)
+    together: IntArray = field(init=False, repr=False)
     excluded: IntArray = field(init=False, repr=False)
     folding: IntArray = field(init=False, repr=False)
     _reference: Shape = field(init=False, repr=False)
@@ -96,9 +97,9 @@ class Everything:
             "skin": skin,
             "lengths": _lengths(skin, reference, len(model.deformable), self.alert),
             "friction": FrictionTable(self.mu, names),
-            "movable": (movable := driven < np.diff(model.dof_offset)),
+            "together": moved_together(model, model.held, model.supports),
             "excluded": excluded,
-            "folding": folding[movable[folding] & ~np.isin(folding * (len(names) + 1), excluded)],
+            "folding": folding[(driven < np.diff(model.dof_offset))[folding] & ~np.isin(folding * (len(names) + 1), excluded)],
             "_reference": reference,
             "_curved": named | np.array([self.smooth and isinstance(body, Body) for body in model.bodies]),
             "_patch": np.where(named[skin.facet_body], skin.side, skin.patch),
@@ -160,7 +161,7 @@ class Everything:
 
     def _may_touch(self, near: NearBodies) -> NearBodies:
         a, b = near.bodies.T
-        keep = self.movable[a] | self.movable[b]
+        keep = self.together[a] != self.together[b]
         if len(self.excluded):
             keep &= ~np.isin(a * self.skin.n_bodies + b, self.excluded)
         return near if keep.all() else near.take(keep)

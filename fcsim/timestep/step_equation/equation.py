@@ -70,7 +70,8 @@ class Equation:
         if self.linked is None:
             return own
         whole = self.linked.bending is not None and self.linked.bending.whole
-        return LinkedCompliance(own, self._on_unknowns(self.linked.G), self.linked.compliance, self.summed, whole)
+        H = own.with_joints(self._on_unknowns(self.met.scaled_H)) if len(self.met.contacts) else None
+        return LinkedCompliance(own, self._on_unknowns(self.linked.G), self.linked.compliance, self.summed, whole, H)
 
     @cached_property
     def _all_bent(self) -> sp.csr_array | None:

@@ -36,7 +36,12 @@ TRUSTED = 1e-7
 
 
 HELD = 1e-6
-"""What links leave of a free motion: where less, the rest is the difference of two large numbers."""
+"""What links leave of a free motion: where less, the rest is the difference of two large numbers. What they leave of the motion of contacts
+decides for W and v alike: bodies that only contact holds besides fly so far freely that W r + q and H^T v + w, small differences, agree
+only where both come from the same factors."""
+
+
+_TOUCHED = 1e-12  # of a contact's motion: what links change less is not theirs
 
 
 class _Inverse:
@@ -83,13 +88,14 @@ class _Inverse:
 class LinkedCompliance:
     """The `MassFactor` of a step with links. base: without them; G (n, p) on the bodies' unknowns of its problem; compliance (p,) C;
     summed: W of this H and G where it is known already; whole: whether M is positive definite only where G leaves a motion, so that its
-    inverse is not to be asked for."""
+    inverse is not to be asked for; H (n, m): the contacts' on the base's unknowns, None = there are none."""
 
     base: StepCompliance
     G: sp.csr_array
     compliance: FloatArray
     summed: Matrix | None = None
     whole: bool = False
+    H: sp.sparray | None = None
 
     @property
     def unknowns(self) -> int:
@@ -164,6 +170,21 @@ class LinkedCompliance:
             return None
         return None if inverse.trusted and self._whole.rank == inverse.rank else self._whole
 
+    @cached_property
+    def _flies(self) -> bool:
+        """Whether links leave contacts that they move more than HELD of a free motion, by that of a force on all of them."""
+        if self.H is None or not self.H.shape[1]:
+            return False
+        free, found = (np.abs(motion) for motion in self._pushed(sp.csr_array(self.H)))
+        linked = np.abs(free - found) > _TOUCHED * free
+        return bool(np.any(found[linked] >= HELD * free[linked]))
+
+    def _pushed(self, H: sp.csr_array) -> tuple[FloatArray, FloatArray]:
+        """How contacts (m,) move under a force on each of them, of different sizes: without links, and with them by S."""
+        free = self.base.solve(H @ (1.0 + np.arange(H.shape[1]) % 3))
+        found = free - self.base.solve(self._on_base @ self._inverse(self._on_base.T @ free))
+        return H.T @ free, H.T @ found
+
     def _with_contacts(self, H: sp.sparray, d: int) -> Matrix:
         """[H, G]^T M^-1 [H, G] of the base in blocks of d, G filled up to whole blocks."""
         n, p = self._on_base.shape
@@ -186,7 +207,8 @@ class LinkedCompliance:
             multiplier = -self._inverse(self._on_base.T @ free + known)
             found = free + self.base.solve(self._on_base @ multiplier), multiplier
             flight, way = (abs(self._on_base).T @ np.abs(v) for v in (free, found[0]))
-            if HELD * float(flight.max(initial=0.0)) > float(way.max(initial=0.0)) and self._whole is not None:
+            lost = HELD * float(flight.max(initial=0.0)) > float(way.max(initial=0.0))
+            if lost and not self._flies and self._whole is not None:
                 found = self._whole.solve(f, known)
         v, multiplier = found
         return np.concatenate([v, s + self.compliance[self._soft] * multiplier[self._soft], multiplier])
@@ -206,7 +228,8 @@ class LinkedCompliance:
         tile = V[touched] @ self._inverse(V[touched].T)
         tile = 0.5 * (tile + tile.T)
         before = W.diagonal()[touched]
-        if np.any(before - np.diag(tile) < HELD * before) and self._whole is not None:
+        lost = np.any(before - np.diag(tile) < HELD * before)
+        if lost and not self._flies and self._whole is not None:
             return self._whole.delassus(own)
         if isinstance(W, np.ndarray):
             W = W.copy()

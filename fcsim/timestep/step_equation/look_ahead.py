@@ -29,6 +29,7 @@ from fcsim.contact_detection import Detection, Detector, Everything, ExactContac
 from fcsim.contact_detection.contacts import Contacts, join
 from fcsim.contact_detection.sweep import brought_back
 from fcsim.contact_law.law import Implicit
+from fcsim.errors import InputError
 from fcsim.timestep.encounter import Encounter, under_law
 from fcsim.timestep.scheme import Scheme
 from fcsim.timestep.state import State
@@ -161,7 +162,10 @@ def _met_far(model: Model, met: Encounter, detection: Detection, moved: FloatArr
     if way <= FAR * float(met.meeting.proportions.size.min(initial=np.inf)):
         return held.take(np.zeros(len(held), dtype=bool))
     part = min(1.0, 2.0 * float(np.linalg.norm(np.ptp(begin, axis=0))) / way)
-    found = detection(begin, part * moved)
+    try:
+        found = detection(begin, part * moved)
+    except InputError as error:
+        raise InputError(f"{error}, or, where only eta holds a body in statics, choose a larger eta") from None
     turned = part * _turns(model, moved) > TURNED * _turns(model, begin)
     return found.take(~turned[found.bodies].any(axis=1))
 

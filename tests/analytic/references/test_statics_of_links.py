@@ -23,7 +23,7 @@ from fcsim import (
     without_contact_of,
 )
 from fcsim.errors import InputError
-from fcsim.mesh import rectangle, rigid_box, rigid_rectangle
+from fcsim.mesh import brick, rectangle, rigid_box, rigid_rectangle
 from fcsim.mesh.material import saint_venant_kirchhoff
 from fcsim.timestep.limits import Limits
 
@@ -132,3 +132,16 @@ def test_a_control_with_points_that_are_none() -> None:
     points: Any = [("a", (0.0, 0.0))]
     with pytest.raises(InputError, match=r"expected points \(body, place, weight\), got"):
         Linkage(model, [Control("push", points, (0.0, 1.0), rate=1.0)])
+
+
+@pytest.mark.parametrize("height", [0.0, 0.5])
+@pytest.mark.parametrize("eta", [1e-1, 1e-2, 1e-4])
+def test_a_free_block_that_control_drives_over_a_floor_slides_at_mu_of_its_weight(eta: float, height: float) -> None:
+    """A cube of 1 m, E = 1e10 Pa: mu W at any eta, within what eta / h^2 M bears of the motion, some eta 1e-3 M."""
+    floor, weight = rigid_box("floor", size=(4.0, 4.0, 1.0), centre=(0.5, 0.5, -0.5), mass=1.0), 2e4
+    block = Body("block", brick("block", (1.0,) * 3, (2, 2, 2), Material(E=1e10, nu=0.2, density=2000.0)))
+    model = build_model([block, floor], supports=[Support("floor", ("x", "y", "z", "rx", "ry", "rz"))], gravity=lambda t: (0.0, 0.0, -10.0))
+    linkage = Linkage(model, [Control("push", (("block", (0.0, 0.5, height), 1.0),), (1.0, 0.0, 0.0), rate=1e-3)])
+    *_, step = Simulation(model, Everything(model, 0.5), QuasiStatic(1.0, eta=eta), 3, linkage=linkage)
+    assert_allclose(step.contact_force_on(0) / weight, (-0.5, 0.0, 1.0), atol=1e-3 * eta + 1e-8)
+    assert_allclose(step.state.x[: model.dof_offset[1] : 3].mean(), 3e-3, atol=1e-5)

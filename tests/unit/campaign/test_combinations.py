@@ -88,3 +88,10 @@ def test_what_is_wrong_with_a_table_is_said(tmp_path: Path) -> None:
         path.write_text(content, encoding="utf-8")
         with pytest.raises(InputError, match=said):
             read_table_of_values(path)
+
+
+def test_an_empty_cell_is_named_by_its_row_and_column(tmp_path: Path) -> None:
+    path = tmp_path / "table.csv"
+    path.write_text("mu,E\n0.3,1e9\n0.5,\n")
+    with pytest.raises(InputError, match="row 2: expected a value of 'E', got an empty cell"):
+        read_table_of_values(path)

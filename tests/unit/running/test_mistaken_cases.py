@@ -1,13 +1,16 @@
 """What a case gets wrong beyond its parameters is one line that names it, and no run that finished; worlds without anything free."""
 
 import csv
+import io
 import json
 from pathlib import Path
 
 import pytest
 
 from fcsim.command_line.main import main
+from fcsim.errors import InputError
 from fcsim.export_fclib import read_fclib
+from fcsim.running.case import load_case
 
 SCRIPT = """
 from dataclasses import dataclass
@@ -156,3 +159,16 @@ def test_resistances_that_fclib_has_no_place_for_are_refused_before_the_first_st
     (tmp_path / "rolls" / "rolls.py").write_text(ROLLS.replace("LAW", law))
     assert main(["run", str(tmp_path / "rolls"), "--out", str(tmp_path / "out"), *options]) == (2 if said else 0)
     assert said in capsys.readouterr().err and (tmp_path / "out").exists() == (not said)
+
+
+@pytest.mark.parametrize("in_build", [False, True])
+def test_a_script_that_asks_where_nobody_answers_is_refused_by_its_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, in_build: bool
+) -> None:
+    script = tmp_path / "asks.py"
+    lines = ["from dataclasses import dataclass", "@dataclass(frozen=True)", "class Parameters:", "    mu: float = 0.5"]
+    script.write_text("\n".join([*lines, "def build(p):" if in_build else "if True:", "    mu = float(input('mu? '))", "build = build\n"]))
+    monkeypatch.setattr("sys.stdin", io.StringIO(""))
+    with pytest.raises(InputError, match=r"asks\.py, line 6: expected a script that asks nothing"):
+        case = load_case(script)
+        case.build(case.parameters())

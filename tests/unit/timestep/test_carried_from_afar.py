@@ -9,12 +9,15 @@ from fcsim.assembly.model import build_model
 from fcsim.assembly.supports import Support
 from fcsim.contact_detection import Detector, Everything, ExactContacts, SurfacePair
 from fcsim.contact_detection.surfaces.model_surfaces import contact_surface
+from fcsim.errors import InputError
 from fcsim.mesh import rigid_plane, rigid_sphere
 from fcsim.mesh.blocks import brick, rectangle, rigid_box, rigid_rectangle
 from fcsim.mesh.material import Material
 from fcsim.mesh.part import Body, RigidBody
 from fcsim.mesh.solids.rigid_polygon import rigid_polygon
-from fcsim.timestep import QuasiStatic, Simulation
+from fcsim.timestep import QuasiStatic, Simulation, Theta
+from fcsim.timestep.limits import Limits
+from fcsim.timestep.scheme import Scheme
 
 YOUNG, DEPTH, ALL = 1e8, 1e-3, ("x", "y", "z", "rx", "ry", "rz")
 
@@ -89,3 +92,66 @@ def test_what_touches_one_side_of_a_body_is_carried_to_another(distance: float) 
     model = build_model([block, angle], supports=supports, gravity=lambda t: (0.0, -9.81))
     (step,) = Simulation(model, Everything(model, mu=0.0), QuasiStatic(1.0, eta=1e-6), 1)
     assert step.contact_force_on(0) == pytest.approx([-1e7 * deep, 9.81 * 1000 * WIDTH**2], rel=1e-4)
+
+
+@pytest.mark.parametrize("listed", [False, True])
+@pytest.mark.parametrize("thickness", [1.0, 0.02])
+def test_what_a_support_drives_half_through_another_body_or_beyond_it_bears(listed: bool, thickness: float) -> None:
+    """The foot of a block of 1 m is taken 0.6 m, and 5 cm beyond a plate, below a rigid surface that it saw from 0.2 m above: E A d / h."""
+    depth = 0.6 if thickness == 1.0 else 0.07
+    block = Body("block", brick("block", (1.0,) * 3, (2, 2, 1), Material(YOUNG, 0.0, 1000.0)), translation=(0.0, 0.0, 0.2))
+    floor = rigid_box("floor", (4.0, 4.0, thickness), (0.5, 0.5, -0.5 * thickness), 1.0)
+    supports = [
+        Support("floor", ALL),
+        Support("block", ("z",), "z+", velocity=-(0.2 + depth)),
+        Support("block", ("x", "y"), "z+"),
+    ]
+    model = build_model([block, floor], supports=supports)
+    pair = SurfacePair(contact_surface(model, [("block", "z-")]), contact_surface(model, [("floor", "z+")]), 0.5, 1e-2, "nodes", "foot")
+    detection = Detector([pair], model.n_nodes) if listed else Everything(model, 0.5)
+    (step,) = Simulation(model, detection, QuasiStatic(1.0), 1, limits=Limits(strain=10.0))
+    assert step.contact_force_on(0)[2] == pytest.approx(YOUNG * depth, rel=1e-6)
+
+
+@pytest.mark.parametrize("eta", [0.1, 1e-3, 1e-5])
+def test_what_flies_through_the_floor_in_a_load_step_is_held_by_it(eta: float) -> None:
+    """A box of 10 kN that only eta holds, 0.2 m above a plate of 5 cm, would fly 100 m to 1000 km: the plate bears all but eta 0.2 m M."""
+    floor = rigid_box("floor", (4.0, 4.0, 0.05), (0.5, 0.5, -0.025), 1.0)
+    box = rigid_box("box", (1.0,) * 3, (0.5, 0.5, 0.7), 1e3)
+    model = build_model([box, floor], supports=[Support("floor", ALL)], gravity=lambda t: (0.0, 0.0, -10.0))
+    steps = list(Simulation(model, Everything(model, 0.5), QuasiStatic(1.0, eta=eta), 2))
+    assert [step.contact_force_on(0)[2] / 1e4 for step in steps] == pytest.approx([1 - 0.02 * eta, 1.0], abs=1e-8)
+    assert [step.state.x[2] for step in steps] == pytest.approx([-0.2, -0.2], abs=1e-7)
+
+
+@pytest.mark.parametrize("depth", [0.03, 0.5, 3.0])
+@pytest.mark.parametrize("scheme", [QuasiStatic(1.0), Theta(1.0)])
+@pytest.mark.parametrize("exact", [False, True])
+def test_bodies_that_supports_hold_wholly_and_drive_into_each_other_are_refused(depth: float, scheme: Scheme, exact: bool) -> None:
+    """No unknown can give way: said in the first step, however deep; a body beside them that moves with the lower one is none of it."""
+    fixed = rigid_box("fixed", (1.0,) * 3, (0.0, 0.0, 0.0), 1.0)
+    beside = rigid_box("beside", (1.0,) * 3, (1.0, 0.0, 0.0), 1.0)
+    driven = rigid_sphere("driven", 0.5, (0.1, 0.0, 1.02), mass=1.0) if exact else rigid_box("driven", (1.0,) * 3, (0.1, 0.0, 1.02), 1.0)
+    sideways = ("x", "y", "rx", "ry", "rz")
+    supports = [Support("fixed", ALL), Support("beside", ALL), Support("driven", sideways)]
+    model = build_model([fixed, beside, driven], supports=[*supports, Support("driven", ("z",), velocity=-(0.02 + depth))])
+    detection = ExactContacts(model, 0.5) if exact else Everything(model, 0.5)
+    deep = f"{depth:.3g}" if isinstance(scheme, QuasiStatic) else "[0-9.]+"  # dynamics measure where the next step looks
+    with pytest.raises(InputError, match=f"supports drive '(driven|fixed)' and '(driven|fixed)' {deep} m into each other"):
+        list(Simulation(model, detection, scheme, 1))
+
+
+def test_bodies_that_supports_drive_alike_do_not_touch() -> None:
+    """Two boxes of a table that shakes have no contact, nor what is at rest; a third that is moved by another function does."""
+
+    def record(t: float) -> float:
+        return 0.1 * t
+
+    names = ["left", "right", "other", "fixed", "ground"]
+    bodies = [rigid_box(name, (1.0,) * 3, (float(k), 0.0, 0.0), 1.0) for k, name in enumerate(names)]
+    supports = [Support(name, ("x", "z", "rx", "ry", "rz")) for name in names]
+    supports += [Support(name, ("y",), velocity=record) for name in names[:2]] + [Support("other", ("y",), velocity=lambda t: t)]
+    supports += [Support(name, ("y",)) for name in names[3:]]
+    model = build_model(bodies, supports=supports)
+    found = Everything(model, 0.5)(model.reference)
+    assert {tuple(sorted(model.bodies[k].name for k in pair)) for pair in found.bodies} == {("other", "right"), ("fixed", "other")}
