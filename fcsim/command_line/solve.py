@@ -64,6 +64,10 @@ def _solve(options: argparse.Namespace) -> int:
     overrides = solver_options(options.solver, options.assignments)
     if options.write_solution is not None:
         refuse_unwritable(options.write_solution)  # before a solve that may take long
+        if options.write_solution.exists() and options.write_solution.samefile(options.file):
+            raise InputError(
+                f"--write-solution {options.write_solution}: expected another file than the problem's own, which it would replace"
+            )
     content = read_fclib(options.file)
     problem = content.problem
     start = _start(content, options.start)

@@ -25,6 +25,7 @@ from fcsim.arrays import FloatArray, IntArray
 from fcsim.errors import FcsimError
 from fcsim.interrupts import Ended, held_back
 from fcsim.ranks._digest_kernels import digest as digest_of_words
+from fcsim.ranks.neighbours import gone, on_this_machine, this_process
 
 AWAKE, NAP = 5e-4, 2e-4
 """[s] A rank that waits looks again and again for so long, and then after so many seconds each."""
@@ -34,6 +35,8 @@ LAST_WAIT = 20.0
 """[s] A rank that ended by an error waits so long for the others to end by themselves; then it ends them."""
 LAST_WORD = 2.0
 """[s] The launcher ends all ranks where one ends with an error; rank 0, which has to say why, goes first."""
+LOOK = 1.0
+"""[s] So often a rank that waits looks whether the others' processes on its machine are still there."""
 SUMMED_AT_ONCE = 4_000_000
 """Numbers (32 MB)."""
 _ENDED = 77
@@ -69,6 +72,7 @@ class World:
         self._libraries: object = None
         self.exchanges = self.messages = self.bytes = 0
         self._ended: dict[int, tuple[int, str, bool]] = {}
+        self._neighbours, self._looked = on_this_machine(self._control.allgather(this_process())), 0.0
         self.broken = False
 
     def _wait(self, request: _Request) -> None:
@@ -94,6 +98,10 @@ class World:
         status = self._mpi.Status()
         while self._control.Iprobe(self._mpi.ANY_SOURCE, _ENDED, status):
             self._ended[status.Get_source()] = self._control.recv(source=status.Get_source(), tag=_ENDED)
+        if time.perf_counter() > self._looked + LOOK:  # who ends in any other way than a kill has said so above, and waits for all
+            self._looked = time.perf_counter()
+            for rank in gone(self._neighbours, self._neighbours.keys() - self._ended.keys()):
+                self._ended[rank] = (1, "its process was killed, or crashed", False)
 
     def _left_alone(self) -> None:
         number = min(self._ended)

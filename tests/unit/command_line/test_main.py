@@ -197,6 +197,18 @@ def test_solve_refuses(problem_file: Path, capsys: pytest.CaptureFixture[str], a
     assert message in captured.err and captured.err.startswith("fcsim: ")
 
 
+@pytest.mark.parametrize("link", ["", "symbolic", "hard"])
+def test_the_problem_itself_is_not_replaced_by_its_solution(problem_file: Path, capsys: pytest.CaptureFixture[str], link: str) -> None:
+    before, target = problem_file.read_bytes(), problem_file
+    if link:
+        target = problem_file.with_name(f"{link}.hdf5")
+        (target.symlink_to if link == "symbolic" else target.hardlink_to)(problem_file)
+    capsys.readouterr()
+    assert main(["solve", str(problem_file), "--write-solution", str(target)]) == 2
+    assert "expected another file than the problem's own" in capsys.readouterr().err
+    assert problem_file.read_bytes() == before
+
+
 def test_files_that_are_no_problem(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "text.hdf5").write_text("no HDF5")
     for command in ("solve", "info"):

@@ -137,6 +137,16 @@ def test_a_rank_that_is_killed_ends_all(
     assert steps_without_seconds(tmp_path / "out") == steps_without_seconds(tmp_path / "alone")
 
 
+def test_a_rank_that_is_killed_is_missed_by_the_others(run: Callable[..., Ended], case_folder: Path, tmp_path: Path) -> None:
+    """Under a launcher that does not end the others they would wait for ever, and the folder would say that it is running."""
+    killed = spoiled(case_folder, "import os, signal; os.kill(os.getpid(), signal.SIGKILL)")
+    ended = run(3, killed, timeout=90, options=("-disable-auto-cleanup",))
+    assert ended.code != 0 and seconds_since(tmp_path / "spoiled") < 30
+    assert "fcsim: rank 1 of 3 has ended: its process was killed, or crashed" in ended.err
+    assert open_run(tmp_path / "out").description.status == "failed"
+    whole(tmp_path / "out")
+
+
 @pytest.mark.slow
 def test_ranks_that_do_not_compute_the_same_are_told_so(run: Callable[..., Ended], case_folder: Path, tmp_path: Path) -> None:
     ended = run(2, spoiled(case_folder, "return (2.0, 0, -9.82)"), timeout=90)
