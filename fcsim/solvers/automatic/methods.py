@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from fcsim.arrays import FloatArray
 from fcsim.linear.block_rows import embed_vector
 from fcsim.problem.infeasible import certificate
 from fcsim.solvers.automatic.closed import edges, held_as_blocks, on_springs
@@ -42,6 +43,8 @@ KEPT_UP_TO, TURN, LONGEST_TURN = 20000, 12, 40
 """Contacts up to which sweeps are NNCG from the beginning, its direction kept from turn to turn; how many turns their next is a part of,
 and its sweeps at the most. A look at the error costs about one of them, and it swings by a factor of 2 to 20 from sweep to sweep: who
 looks seldom misses iterates that are good enough."""
+TRIED, NEARER = 5, 0.9
+"""Turns of sweeps from another method's iterate without an error below that share of what it was, after which their own course goes on."""
 OVERTAKEN = 0.1
 """Share of its own error below which Gauss-Seidel and proximal Newton take up another method's iterate."""
 ALPHA = 0.1
@@ -108,34 +111,59 @@ def sweeps_anew(race: Race, monitor: ShareOfMonitor, rows: ContactRows) -> Turns
         r = race.best_r() if overtaken(race, monitor) else iterate.r
 
 
+@dataclass(eq=False)
+class Line:
+    """A course of NNCG: the reactions after a sweep and the next one's start, its direction (nc, 3 each), ||g||^2 of the last sweep,
+    the relative change after which the error is looked at, and the turns that it still has without a better error (None: no end)."""
+
+    reaction: FloatArray
+    start: FloatArray
+    direction: FloatArray
+    awaited: float
+    last: float = 0.0
+    turns: int | None = None
+
+    @staticmethod
+    def begun(r: FloatArray, dimension: int, awaited: float, turns: int | None = None) -> Line:
+        """From the reactions r (m,)."""
+        reaction = embed_vector(r, dimension)
+        return Line(reaction, reaction.copy(), np.zeros_like(reaction), awaited, turns=turns)
+
+
 def conjugate_sweeps(race: Race, monitor: ShareOfMonitor, rows: ContactRows) -> Turns:
-    """NNCG whose direction is kept from turn to turn, and lost only where it begins anew from an iterate that is well ahead."""
+    """NNCG whose direction is kept from turn to turn. Where another method is well ahead it is tried from that iterate, once; where that
+    comes no nearer, its own course goes on where it was: that may have found out which contacts hold, and from a valley none returns."""
     one, d, order = ONE_CONTACT[SWEEPS.one_contact], race.problem.dimension, np.arange(race.problem.nc)
     frozen, most = np.zeros(len(order), dtype=np.int64), race.options.max_iterations
-    r, ahead, awaited = race.best_r(), True, monitor.tol
+    own = line = Line.begun(race.best_r(), d, monitor.tol)
+    tried = float("inf")
     while True:
-        if ahead:
-            reaction = embed_vector(race.best_r(), d)
-            start, direction, last = reaction.copy(), np.zeros_like(reaction), 0.0
         turn = max(race.options.probe, min(monitor.iterations // TURN, LONGEST_TURN))
-        last, size, done, failed = one.sweep_conjugate(
-            *(rows.indptr, rows.indices, rows.blocks, rows.diagonal, rows.shift, rows.q, rows.mu, rows.rho, order, reaction, frozen),
-            *(start, direction, last, SWEEPS.local_tolerance, SWEEPS.local_iterations, SWEEPS.relaxation),
-            *(min(turn, most - monitor.iterations), awaited),
+        line.last, size, done, failed = one.sweep_conjugate(
+            *(rows.indptr, rows.indices, rows.blocks, rows.diagonal, rows.shift, rows.q, rows.mu, rows.rho, order, line.reaction, frozen),
+            *(line.start, line.direction, line.last, SWEEPS.local_tolerance, SWEEPS.local_iterations, SWEEPS.relaxation),
+            *(min(turn, most - monitor.iterations), line.awaited),
         )
         monitor.iterations += done
         monitor.beside += failed * race.prices.unsolved_contact
-        r = reaction[:, :d].flatten()
-        error = monitor.record(r, rows.velocity(reaction)[:, :d].flatten())
+        r = line.reaction[:, :d].flatten()
+        error = monitor.record(r, rows.velocity(line.reaction)[:, :d].flatten())
         if error <= monitor.tol:
             return Iterate(r, Status.SOLVED)
-        status = Status.STAGNATED if last == 0.0 else monitor.stopped(error, most)
+        status = Status.STAGNATED if line.last == 0.0 and line is own else monitor.stopped(error, most)
         if status is not None:
             return Iterate(r, status)
         if done < turn and size > 0.0:  # where some reactions are far larger than others it may stay so
-            awaited = change_to_await(awaited, float(np.sqrt(last / size)), monitor.tol / error)
+            line.awaited = change_to_await(line.awaited, float(np.sqrt(line.last / size)), monitor.tol / error)
         yield
-        ahead = overtaken(race, monitor)
+        if line.turns is not None:
+            nearer = error < NEARER * tried
+            line.turns, tried = (TRIED, error) if nearer else (line.turns - 1, tried)
+            if not line.turns or line.last == 0.0:
+                line = own
+        if race.best < OVERTAKEN * min(monitor.best, tried):
+            monitor.taken_up = tried = race.best
+            line = Line.begun(race.best_r(), d, monitor.tol, TRIED)
 
 
 def newton(race: Race, monitor: ShareOfMonitor) -> Turns:
