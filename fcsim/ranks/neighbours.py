@@ -4,8 +4,6 @@ every launcher ends the others then (srun without --kill-on-bad-exit, mpiexec -d
 from __future__ import annotations
 
 import os
-import signal
-import threading
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
@@ -27,13 +25,6 @@ def on_this_machine(processes: Sequence[Process]) -> dict[int, Process]:
     """Of the ranks' processes, in their order, those whose end can be seen from here, by rank."""
     machine = this_process()[0]
     return {rank: process for rank, process in enumerate(processes) if machine and process[0] == machine and process[1] != os.getpid()}
-
-
-def outlive_notices() -> None:
-    """Leave what a launcher does to the others when one is killed, a SIGUSR1 of Hydra's, without effect: by default it would end them before
-    they have said why and closed their files. Whoever has a use of that signal keeps it."""
-    if threading.current_thread() is threading.main_thread() and signal.getsignal(signal.SIGUSR1) is signal.SIG_DFL:
-        signal.signal(signal.SIGUSR1, signal.SIG_IGN)
 
 
 def gone(processes: Mapping[int, Process], ranks: Iterable[int]) -> list[int]:

@@ -25,7 +25,7 @@ from fcsim.arrays import FloatArray, IntArray
 from fcsim.errors import FcsimError
 from fcsim.interrupts import Ended, held_back
 from fcsim.ranks._digest_kernels import digest as digest_of_words
-from fcsim.ranks.neighbours import gone, on_this_machine, outlive_notices, this_process
+from fcsim.ranks.neighbours import gone, on_this_machine, this_process
 
 AWAKE, NAP = 5e-4, 2e-4
 """[s] A rank that waits looks again and again for so long, and then after so many seconds each."""
@@ -72,7 +72,6 @@ class World:
         self._libraries: object = None
         self.exchanges = self.messages = self.bytes = 0
         self._ended: dict[int, tuple[int, str, bool]] = {}
-        outlive_notices()
         self._neighbours, self._looked = on_this_machine(self._control.allgather(this_process())), 0.0
         self.broken = False
 

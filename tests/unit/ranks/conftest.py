@@ -36,19 +36,14 @@ def end(process: subprocess.Popen[str]) -> None:
 
 @pytest.fixture(scope="session")
 def mpiexec() -> Program:
-    """mpiexec(ranks, *arguments of python, timeout, cwd, env, options of the launcher): how it ended."""
+    """mpiexec(ranks, *arguments of python, timeout, cwd, env): how it ended."""
     if not LAUNCHER.exists():
         pytest.skip("no mpiexec beside this Python")
 
     def run(
-        ranks: int,
-        *arguments: str | Path,
-        timeout: float = 120,
-        cwd: Path | None = None,
-        env: Mapping[str, str] | None = None,
-        options: tuple[str, ...] = (),
+        ranks: int, *arguments: str | Path, timeout: float = 120, cwd: Path | None = None, env: Mapping[str, str] | None = None
     ) -> Ended:
-        command = [str(LAUNCHER), *options, "-n", str(ranks), sys.executable, *map(str, arguments)]
+        command = [str(LAUNCHER), "-n", str(ranks), sys.executable, *map(str, arguments)]
         own = {**os.environ, "FCSIM_THREADS": "1", **(env or {})}
         with subprocess.Popen(
             command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=cwd, env=own, start_new_session=True
