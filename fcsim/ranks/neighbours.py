@@ -1,5 +1,5 @@
 """The other ranks' processes on this machine: whether they are still there. A process that is killed says nothing to anybody, and not
-every launcher ends the others then (srun without --kill-on-bad-exit, mpiexec -disable-auto-cleanup): they would wait for ever."""
+every launcher ends the others then (srun without --kill-on-bad-exit, mostly mpiexec -disable-auto-cleanup): they would wait for ever."""
 
 from __future__ import annotations
 
