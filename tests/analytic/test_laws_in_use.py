@@ -280,3 +280,29 @@ def test_springs_of_each_contact_need_no_area(d: int) -> None:
     settings = SolverSettings(tol=1e-10, floor=1e-9)
     *_, last = Simulation(model, ExactContacts(model, 0.3), Theta(1e-3, law=law), 60, settings, witness=None)
     assert last.state.x[d - 1] == pytest.approx(-4.0 * 10.0 / k, rel=1e-4)
+
+
+def test_a_ball_rebounds_from_springs_as_an_oscillator() -> None:
+    """Depth V/omega, pi/omega in contact and the speed at which it came, in the mean over where in a step it arrives. What a step adds to
+    the energy is k g^2 / 2 with g the gap at the beginning of the first loaded step, at most (omega h)^2 / 4 of what it came with."""
+    k, mass, V, h = 2e4, 1.0, 1.0, 1e-3
+    omega, law = np.sqrt(k / mass), Compliant(Springs(normal=k, tangential=k, each=True))
+    found = []
+    for phase in np.arange(8) / 8 + 0.03:
+        above = h * V * (2 + phase)
+        ball, plane = rigid_sphere("ball", 0.1, (0, 0, 0.1 + above), mass), rigid_plane("plane", np.zeros(3), (0, 0, 1), size=1.0)
+        model = build_model([ball, plane], supports=[Support("plane", HELD)])
+        start = at_rest(model)
+        start.v[2] = -V
+        settings = SolverSettings(tol=1e-12)
+        steps = list(Simulation(model, ExactContacts(model, 0.3), Theta(h, law=law), 30, settings, start, witness=None))
+        loaded = [step for step in steps if np.abs(step.result.r).sum() > 0]
+        gap = loaded[0].previous.x[2] + above
+        last = steps[-1]
+        assert last.ledger.created == pytest.approx(0.5 * k * gap**2, rel=1e-6)
+        assert last.ledger.created < 0.25 * (omega * h) ** 2 * 0.5 * mass * V**2
+        found.append((last.state.v[2], min(step.state.x[2] + above for step in steps), h * len(loaded)))
+    rebound, depth, lasts = np.mean(found, axis=0)
+    assert rebound == pytest.approx(V, rel=2e-4)
+    assert depth == pytest.approx(-V / omega, rel=2e-3)
+    assert lasts == pytest.approx(np.pi / omega, rel=0.02)
