@@ -212,6 +212,7 @@ def phase_plot(run: RunFolder) -> Figure | None:
         note = f"beyond the axis: {len(out)} step{'s' * (len(out) > 1)}, {longest}"
         axes.text(0.99, 0.97, note, transform=axes.transAxes, ha="right", va="top", color=GREY, fontsize=10)
     axes.set(xlabel="step", ylabel=f"time per step [{unit}]", title=f"{run.title}: {total.sum():.3g} s in {len(number)} steps")
+    axes.locator_params(axis="x", integer=True)
     axes.margins(x=0.0)
     legend_below(drawing, 4, title="mean of each phase")
     return drawing

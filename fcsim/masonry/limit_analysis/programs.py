@@ -100,7 +100,7 @@ class Program:
         if power != 0:
             v[self.problem.free] = self.arm * dual / power
         multiplier = max(multiplier, low if slip is None else 0.0)  # interior points come to bounds from either side
-        return Answer(multiplier * self.natural, r * self.force, v)
+        return Answer(multiplier * self.natural + 0.0, r * self.force, v)  # + 0.0: none, not -0
 
     def _equal(self, rows: sp.csc_array | None) -> tuple[sp.csc_array, FloatArray]:
         """Equilibrium, and rows whose product with (r, lambda) is zero."""

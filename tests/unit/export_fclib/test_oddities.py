@@ -30,6 +30,12 @@ def of_mass(M: np.ndarray) -> GlobalProblem:
         (np.tril(SPD), "M has its lower triangle alone"),
         (np.triu(SPD), "M has its upper triangle alone"),
         (-SPD, "M has 4 entries < 0 on its diagonal, the first in row 0"),
+        (
+            SPD + 3.2 * np.eye(4)[[1, 0, 3, 2]] * np.outer([1, 1, 0, 0], [1, 1, 0, 0]),
+            "M is not >= 0: its entries at (0, 1) and (1, 0) are 1.21 of the most that the diagonal allows",
+        ),
+        (SPD - np.diag([0, 0, 0, 6.0]), "M is not >= 0: its entries at (0, 3) and (3, 0) are inf of the most"),
+        (np.ones((4, 4)), None),
         (SPD + 0.6 * (np.eye(4, k=1) - np.eye(4, k=-1)), "M is not symmetric: entries differ from those across the diagonal by up to 0.2 "),
     ],
 )

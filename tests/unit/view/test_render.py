@@ -287,6 +287,14 @@ def test_plots_without_their_columns_are_left_out(tmp_path):
         render(tmp_path, film=None)
 
 
+def test_steps_are_counted_in_whole_numbers(tmp_path):
+    """Of three steps the axis had ticks at 1.25 and 1.5."""
+    (tmp_path / "run.json").write_text("{}")
+    (tmp_path / "steps.csv").write_text("step,t,error,seconds_solve\n1,0.1,1e-9,1\n2,0.2,0,2\n3,0.3,0,1\n")
+    ticks = phase_plot(open_run(tmp_path)).axes[0].get_xticks()
+    assert {1, 2, 3} <= set(ticks) and all(tick == round(tick) for tick in ticks)
+
+
 def test_a_folder_that_is_no_run_is_refused(run_directory, tmp_path):
     with pytest.raises(InputError, match=rf"{tmp_path}: expected the folder of a run .*run\.json.*found no run\.json"):
         render(tmp_path)

@@ -1,0 +1,22 @@
+"""A structure without friction bears no push: the multiplier is 0."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from fcsim.masonry import Block, MasonryProblem, analyse, pushed
+from fcsim.mesh.solids.closed_surface import closed_surface
+
+CORNERS = np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1)], dtype=float)
+FACES = [(0, 3, 2, 1), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7)]
+
+
+def test_without_friction_the_multiplier_is_none_and_not_minus_none() -> None:
+    """It was printed as -0, its angle as -0.000."""
+    floor = Block(closed_surface("floor", CORNERS * (6, 1, 0.5) - (2, 0, 0.5), FACES), support=True)
+    stone = Block(closed_surface("stone", CORNERS * (0.9, 1, 1), FACES), density=2000.0)
+    found = analyse(pushed(MasonryProblem("smooth", 2, (floor, stone), mu=0.0), (1.0, 0.0, 0.0)))
+    for limit in (found.associative, found.coulomb):
+        assert limit.multiplier == 0.0 and math.copysign(1.0, limit.multiplier) > 0
