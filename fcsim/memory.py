@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import os
 import resource
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -17,6 +18,9 @@ from pathlib import Path
 from fcsim.errors import InputError
 
 _ANY_SIZE: ContextVar[bool] = ContextVar("any size", default=False)
+LIBRARIES = 400 * 2**20
+"""Addresses [bytes] that MPI, dolfinx and gmsh take: 360 MiB were counted. With fewer left they end in a segmentation fault."""
+
 CGROUPS = (
     ("/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory.current"),
     ("/sys/fs/cgroup/memory/memory.limit_in_bytes", "/sys/fs/cgroup/memory/memory.usage_in_bytes"),
@@ -37,10 +41,13 @@ def any_size() -> Iterator[None]:
 def free_memory() -> float:
     """[bytes] that this process may still take: the least of what the machine has, its container and its own limit leave."""
     left = [_of_the_machine(), *(_number(limit) - _number(used, 0.0) for limit, used in CGROUPS)]
+    return max(min(*left, addresses_left()), 0.0)
+
+
+def addresses_left() -> float:
+    """[bytes] that this process' own limit (ulimit -v) leaves it."""
     own = resource.getrlimit(resource.RLIMIT_AS)[0]
-    if own != resource.RLIM_INFINITY:
-        left.append(own - own_addresses())
-    return max(min(left), 0.0)
+    return float("inf") if own == resource.RLIM_INFINITY else max(own - own_addresses(), 0.0)
 
 
 def _of_the_machine() -> float:
@@ -81,3 +88,11 @@ def refuse_beyond_memory(what: str, needed: float) -> None:
             f"{what}: takes about {readable(needed)} of memory, {readable(free)} are free; make it smaller, or begin all the same with "
             "FCSIM_ANY_SIZE=1 (fcsim run: --any-size)"
         )
+
+
+def refuse_to_load_libraries(package: str) -> None:
+    """InputError where this process' own limit leaves too few addresses for MPI, dolfinx and gmsh, and the package is not loaded yet."""
+    left = addresses_left()
+    if left < LIBRARIES and package not in sys.modules:
+        needed = f"the libraries of finite elements take about {readable(LIBRARIES)}"
+        raise InputError(f"memory: {needed}, this process' limit leaves {readable(left)}; raise it (ulimit -v)")

@@ -35,6 +35,7 @@ from types import ModuleType
 from threadpoolctl import LibController, ThreadpoolController
 
 from fcsim.errors import InputError, MissingDependency
+from fcsim.memory import refuse_to_load_libraries
 
 THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
@@ -168,10 +169,8 @@ def keep_freed_memory() -> None:
     if any(name in os.environ for name in ("MALLOC_MMAP_THRESHOLD_", "MALLOC_TRIM_THRESHOLD_", "GLIBC_TUNABLES")):
         return
     if platform.libc_ver()[0] == "glibc":
-        mallopt = ctypes.CDLL(None).mallopt
-        mallopt(M_MMAP_THRESHOLD, KEPT_ARRAY)
-        mallopt(M_TRIM_THRESHOLD, KEPT_MEMORY)
-        mallopt(M_ARENA_MAX, 1)
+        for what, size in ((M_MMAP_THRESHOLD, KEPT_ARRAY), (M_TRIM_THRESHOLD, KEPT_MEMORY), (M_ARENA_MAX, 1)):
+            ctypes.CDLL(None).mallopt(what, size)
 
 
 def release_freed_memory() -> None:
@@ -238,6 +237,7 @@ def load_numba_alone() -> None:
 
 @cache  # the working directory is left once, not at every call
 def _import(name: str) -> ModuleType:
+    refuse_to_load_libraries(name)
     with without_local_options():
         module = _import_in_order(name)
     _restore_signal_handlers()  # MPI may have taken some

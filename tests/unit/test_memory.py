@@ -1,6 +1,8 @@
 """What is begun fits into the memory that is free, or says so before it begins."""
 
 import resource
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -39,6 +41,17 @@ def test_a_containers_limit_counts(tmp_path: Path, monkeypatch: pytest.MonkeyPat
 def test_the_processs_own_limit_counts(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(resource, "getrlimit", lambda kind: (1, 1))
     assert free_memory() == 0
+
+
+def test_libraries_are_not_loaded_into_too_few_addresses() -> None:
+    """They ended in a segmentation fault, or by "cannot load MPI library". The child's limit leaves what it has by then and 200 MiB."""
+    child = (
+        "import resource, fcsim, fcsim.runtime as runtime; from fcsim.memory import own_addresses; n = int(own_addresses()) + 200 * 2**20; "
+        "resource.setrlimit(resource.RLIMIT_AS, (n, n)); runtime.dolfinx()"
+    )
+    ended = subprocess.run([sys.executable, "-c", child], capture_output=True, text=True, check=False)
+    assert ended.returncode == 1
+    assert "InputError: memory: the libraries of finite elements take about 400 MiB, this process' limit leaves 200 MiB" in ended.stderr
 
 
 def test_refused_unless_told(monkeypatch: pytest.MonkeyPatch) -> None:
