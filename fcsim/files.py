@@ -19,9 +19,17 @@ from typing import NoReturn
 
 import h5py
 
+from fcsim.brief import shown
 from fcsim.errors import InputError
 
 _PARTIAL = re.compile(r"\..*\.[0-9a-f]{12}\.partial(\.[^.]*)?")
+
+
+def path_of(argument: str, what: str, given: object) -> Path:
+    """A user's path; InputError, which names the argument and what the file is to be, where it is none: a number would be a descriptor."""
+    if isinstance(given, (str, os.PathLike)) and isinstance(name := os.fspath(given), str):
+        return Path(name)
+    raise InputError(f"{argument}: expected the path of {what}, got {shown(given)}")
 
 
 @contextmanager

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from fcsim.arrays import FloatArray, is_number, numbers_of
 from fcsim.brief import shown
 from fcsim.errors import InputError
-from fcsim.files import note_read, regular
+from fcsim.files import note_read, path_of, regular
 
 UNITS: dict[str, dict[str, float]] = {
     "time": {"s": 1.0, "ms": 1e-3, "us": 1e-6, "min": 60.0},
@@ -141,12 +141,12 @@ def read_table(path: str | Path, column: str, quantity: str = "factor", time: st
     and the line for a file that cannot be read, without such columns or with another unit, with anything but finite numbers, rows of
     another length, or times that do not increase.
     """
-    return _read(Path(path), column, quantity, time, Table)
+    return _read(path_of("path", "a CSV file", path), column, quantity, time, Table)
 
 
 def read_acceleration_record(path: str | Path, column: str = "a", time: str = "t") -> AccelerationRecord:
     """Return the acceleration record of a CSV file as `read_table` reads it, its column in m/s^2, cm/s^2, Gal or g."""
-    return _read(Path(path), column, "acceleration", time, AccelerationRecord)
+    return _read(path_of("path", "a CSV file", path), column, "acceleration", time, AccelerationRecord)
 
 
 def _read[T: Table](path: Path, column: str, quantity: str, time: str, kind: type[T]) -> T:

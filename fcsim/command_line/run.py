@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from fcsim.command_line.answers import answer, current
 from fcsim.command_line.assignments import add_plugin_option, checked_tolerance, given_by_options, read_assignments
+from fcsim.command_line.compiling import saying_so
 from fcsim.command_line.progress import show_step
 from fcsim.command_line.terminal import Bar, print_table, say
 from fcsim.errors import EXIT_INTERRUPTED, EXIT_NOT_CONVERGED, EXIT_OK
@@ -90,7 +91,7 @@ def _run(options: argparse.Namespace) -> int:
         witness_every=options.witness_every,
         witness_tolerance=options.witness_tolerance,
     )
-    with ended_politely(), any_size() if options.any_size else nullcontext(), Bar("step") as bar:
+    with ended_politely(), any_size() if options.any_size else nullcontext(), Bar("step") as bar, saying_so(bar.say):
         summary = run_case(
             script,
             assignments,

@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from fcsim.apart import Array, Group, Link, opened_apart
 from fcsim.errors import InputError
 from fcsim.export_fclib.content import FORMS, FclibFile, Info, MatrixInfo, Problem, Solution, Storage, solution_sizes
+from fcsim.files import path_of
 
 COMPRESSED: dict[int, tuple[Storage, type[sp.csc_array] | type[sp.csr_array]]] = {-1: ("csc", sp.csc_array), -2: ("csr", sp.csr_array)}
 
@@ -30,7 +31,7 @@ def read_fclib(path: str | PathLike[str]) -> FclibFile:
     it stands: real files hold zeros there, so verify it. The file is read by another process, with limits (`fcsim.apart`).
     Raises InputError, with the file and the place in it, where the file cannot be read or contradicts itself.
     """
-    path = Path(path)
+    path = path_of("path", "an FCLIB file", path)
     if not path.is_file():
         raise InputError(f"{path}: expected an FCLIB file, found {'a folder' if path.is_dir() else 'no such file'}")
     try:

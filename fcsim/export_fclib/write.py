@@ -15,7 +15,7 @@ from fcsim.errors import InputError
 from fcsim.export_fclib.chunks import Compressor
 from fcsim.export_fclib.content import FORMS, Solution, Storage, solution_sizes
 from fcsim.export_fclib.rolling import two_moments
-from fcsim.files import replacing_hdf5
+from fcsim.files import path_of, replacing_hdf5
 from fcsim.linear.over_ranks.implicit_matrix import with_entries
 from fcsim.problem import LocalProblem, Matrix
 from fcsim.problem.problem import GlobalForm
@@ -43,7 +43,7 @@ def write_fclib(
     Problems with spinning friction are written as FCLIB's rolling problems where no contact has both resistances, see `two_moments`.
     Raises InputError for a storage, a solution or a folder that does not fit, and for sizes beyond FCLIB's 32-bit integers.
     """
-    path = Path(path)
+    path = path_of("path", "an FCLIB file to write", path)
     if storage not in ("csc", "csr", "triplet"):
         raise InputError(f"storage: expected 'csc', 'csr' or 'triplet', got {storage!r}")
     if not path.parent.is_dir():

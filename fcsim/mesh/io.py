@@ -18,7 +18,7 @@ import numpy as np
 
 from fcsim.arrays import IntArray
 from fcsim.errors import InputError
-from fcsim.files import note_read, replacing
+from fcsim.files import note_read, path_of, replacing
 from fcsim.mesh.cell_type import CELL_TYPES, GMSH_NUMBERS, TO_MESHIO
 from fcsim.mesh.foreign import SURFACE, meshio_package, quietly, read_foreign
 from fcsim.mesh.material.by_region import ByRegion
@@ -51,8 +51,9 @@ def read_mesh(
     z = const. InputError where the file is missing or unreadable, has no volume cells, has cells of several types or of kinds
     that are not in `fcsim.mesh.cell_type`, has inverted, degenerate or unused elements, or surfaces that are not on the boundary.
     """
-    mesh = _read(Path(path), plane, thickness)
-    part_name = name or volume or next(iter(mesh.volumes)) or Path(path).stem
+    path = path_of("path", "a mesh file", path)
+    mesh = _read(path, plane, thickness)
+    part_name = name or volume or next(iter(mesh.volumes)) or path.stem
     return mesh.part(material, name=part_name, volume=volume, elements=elements)
 
 
@@ -69,7 +70,7 @@ def read_parts(
     Nodes on the interface of two volumes come in both parts, and a surface gives each part the facets that bound it. Errors as
     for `read_mesh`, and where the names of volumes and materials differ.
     """
-    return _read(Path(path), plane, thickness).parts(materials, elements)
+    return _read(path_of("path", "a mesh file", path), plane, thickness).parts(materials, elements)
 
 
 def write_mesh(part: Part, path: str | os.PathLike[str], *, surfaces: bool = True) -> None:
@@ -80,7 +81,7 @@ def write_mesh(part: Part, path: str | os.PathLike[str], *, surfaces: bool = Tru
     kept in .msh alone. A facet that is on several surfaces is written once for each; a surface without facets is left out. The file
     appears whole or not at all. InputError where the extension is none of these, the folder is missing or a name cannot be kept.
     """
-    path = Path(path)
+    path = path_of("path", "a mesh file to write", path)
     _check_writable(path, part, surfaces)
     kept = {name: facets for name, facets in part.surfaces.items() if len(facets)} if surfaces else {}
     with replacing(path) as temporary:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import io
 import math
 import os
 from collections.abc import Callable, Mapping, Sequence
@@ -31,7 +32,7 @@ class Row:
 
 
 class StepTable:
-    """steps.csv, one row a step, flushed at once; a resumed run drops the rows after its checkpoint.
+    """steps.csv, one row a step, in the file at once; a resumed run drops the rows after its checkpoint.
 
     Raises InputError where the rows to go on from are not those of `start` steps with these columns.
     """
@@ -42,8 +43,7 @@ class StepTable:
         kept = _rows_up_to(path, start, header) if start else []
         with replacing(path) as temporary, temporary.open("w", newline="", encoding="utf-8") as file:
             csv.writer(file).writerows([header, *kept])
-        self._file = path.open("a", newline="", encoding="utf-8")
-        self._writer = csv.writer(self._file)
+        self._path, self._file = path, path.open("ab", buffering=0)
 
     def row(self, step: Step) -> Row:
         """What the row of a step says, but for the seconds."""
@@ -53,14 +53,23 @@ class StepTable:
         return Row(values, measured)
 
     def write(self, row: Row, seconds: Mapping[str, float]) -> None:
-        """Add the row of a step; seconds by phase."""
+        """Add the row of a step, whole or not at all; seconds by phase."""
         phases = [f"{seconds.get(phase, 0.0):.5f}" for phase in PHASES]
-        self._writer.writerow([*row.values, *phases, *row.measured])
-        self._file.flush()
+        text = io.StringIO(newline="")
+        csv.writer(text).writerow([*row.values, *phases, *row.measured])
+        number, left = self._file.fileno(), text.getvalue().encode()
+        before = os.fstat(number).st_size
+        try:
+            while left:
+                left = left[os.write(number, left) :]
+        except BaseException as error:
+            os.ftruncate(number, before)  # the step is not one that the run has done: half its row, or one that came later, would say so
+            if isinstance(error, OSError):
+                error.filename = str(self._path)
+            raise
 
     def to_the_disk(self) -> None:
         """Return when the rows are on the disk: a checkpoint stands for all before it."""
-        self._file.flush()
         os.fsync(self._file.fileno())
 
     def close(self) -> None:

@@ -5,13 +5,20 @@ import resource
 import signal
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import h5py
 import numpy as np
 import pytest
 
+from fcsim.assembly.time_functions import read_acceleration_record, read_table
 from fcsim.errors import InputError
+from fcsim.export_fclib import read_fclib, write_fclib
 from fcsim.files import inside, regular, replacing, replacing_hdf5, resolved
+from fcsim.mesh.blocks import rectangle
+from fcsim.mesh.io import read_mesh, read_parts, write_mesh
+from fcsim.mesh.material import Material
+from fcsim.problem import LocalProblem
 
 
 @pytest.fixture
@@ -95,3 +102,22 @@ def test_what_went_wrong_first_is_told(tmp_path: Path, monkeypatch: pytest.Monke
         monkeypatch.setattr(Path, "unlink", read_only)
         raise OSError(28, "No space left on device", str(temporary))
     assert told.value.filename == str(path)
+
+
+@pytest.mark.parametrize("given", [3, b"one.hdf5", None])
+def test_what_is_no_path_is_refused_by_its_argument(given: object) -> None:
+    """Not by Python's TypeError; and a number would be an open file's."""
+    problem = LocalProblem(np.eye(3), np.zeros(3), np.array([0.5]))
+    part, stone = rectangle("part", (1, 1), (1, 1), Material(1e6, 0.3, 1000.0)), Material(1e6, 0.3, 1000.0)
+    calls: list[Callable[[Any], object]] = [
+        read_fclib,
+        lambda path: write_fclib(path, problem),
+        lambda path: read_mesh(path, stone),
+        lambda path: read_parts(path, {"part": stone}),
+        lambda path: write_mesh(part, path),
+        lambda path: read_table(path, "a"),
+        read_acceleration_record,
+    ]
+    for call in calls:
+        with pytest.raises(InputError, match=r"^path: expected the path of an? .* file.*, got "):
+            call(given)

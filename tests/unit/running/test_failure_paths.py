@@ -199,6 +199,31 @@ def test_a_full_disk(folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPat
     assert sorted(path.name[-10:] for path in (out / "fclib" / "global").iterdir()) == [f"{step:05d}.hdf5" for step in (1, 2, 3, 4)]
 
 
+def test_a_disk_that_fills_within_a_row(folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Half a row goes again, and does not become whole when there is room later: the table and run.json tell of the same steps."""
+    out, made = tmp_path / "out", outputs.StepTable.write
+    limits, handler = resource.getrlimit(resource.RLIMIT_FSIZE), signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+
+    def with_little_room(*arguments: object) -> None:
+        resource.setrlimit(resource.RLIMIT_FSIZE, ((out / "steps.csv").stat().st_size + 50, limits[1]))
+        try:
+            made(*arguments)  # type: ignore[arg-type]
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+
+    monkeypatch.setattr(outputs.StepTable, "write", with_little_room)
+    arguments = ["run", str(folder), "--out", str(out), "--export-every", "0", "--vtk-every", "0"]
+    try:
+        assert main(arguments) == 2
+    finally:
+        signal.signal(signal.SIGXFSZ, handler)
+    about = json.loads((out / "run.json").read_text())
+    assert (about["status"], about["steps_done"]) == ("failed", 0) and "steps.csv" in about["message"]
+    assert len((out / "steps.csv").read_text().splitlines()) == 1  # the header
+    monkeypatch.undo()
+    assert main([*arguments, "--resume"]) == 0
+
+
 @pytest.mark.parametrize("fails", [False, True])
 def test_rows_that_wait_for_slow_files(
     fails: bool, folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
