@@ -25,7 +25,8 @@ def moved_together(layout: BodyLayout, held: HeldDofs, supports: Sequence[Suppor
             alone[k] = True
         elif _moves(support):
             alone[k] |= not support.selection.whole or any(direction.startswith("r") for direction in support.directions)
-            motions[k] |= {(direction, support.axes, support.velocity, support.displacement) for direction in support.directions}
+            way = support.axes, _hashable(support.velocity), _hashable(support.displacement)
+            motions[k] |= {(direction, *way) for direction in support.directions}
     numbers, seen = np.arange(len(layout.bodies)), dict[frozenset[_Motion], int]()
     for number in np.flatnonzero(~alone).tolist():
         numbers[number] = seen.setdefault(frozenset(motions[number]), number)
@@ -34,3 +35,12 @@ def moved_together(layout: BodyLayout, held: HeldDofs, supports: Sequence[Suppor
 
 def _moves(support: Support) -> bool:
     return support.displacement is not None or callable(support.velocity) or support.velocity != 0
+
+
+def _hashable(motion: object) -> object:
+    """A function or number; of a user's object that compares by value and has no hash, which object it is."""
+    try:
+        hash(motion)
+    except TypeError:
+        return id(motion)
+    return motion

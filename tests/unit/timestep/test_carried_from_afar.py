@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
+
 import numpy as np
 import pytest
 
@@ -141,12 +144,19 @@ def test_bodies_that_supports_hold_wholly_and_drive_into_each_other_are_refused(
         list(Simulation(model, detection, scheme, 1))
 
 
-def test_bodies_that_supports_drive_alike_do_not_touch() -> None:
+@dataclass
+class Steady:
+    """A user's function, which compares by value and has no hash."""
+
+    rate: float
+
+    def __call__(self, t: float) -> float:
+        return self.rate * t
+
+
+@pytest.mark.parametrize("record", [lambda t: 0.1 * t, Steady(0.1)], ids=["function", "object without hash"])
+def test_bodies_that_supports_drive_alike_do_not_touch(record: Callable[[float], float]) -> None:
     """Two boxes of a table that shakes have no contact, nor what is at rest; a third that is moved by another function does."""
-
-    def record(t: float) -> float:
-        return 0.1 * t
-
     names = ["left", "right", "other", "fixed", "ground"]
     bodies = [rigid_box(name, (1.0,) * 3, (float(k), 0.0, 0.0), 1.0) for k, name in enumerate(names)]
     supports = [Support(name, ("x", "z", "rx", "ry", "rz")) for name in names]
