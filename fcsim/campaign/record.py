@@ -12,8 +12,8 @@ from fcsim.running.description import FILE, read_description
 FINISHED, NOT_CONVERGED, FAILED, REFUSED = "finished", "not converged", "failed", "refused"
 TIME_LIMIT, MEMORY_LIMIT, CRASHED, INTERRUPTED, WAITING = "time limit", "memory limit", "crashed", "interrupted", "waiting"
 STATUSES = (FINISHED, NOT_CONVERGED, FAILED, REFUSED, TIME_LIMIT, MEMORY_LIMIT, CRASHED, INTERRUPTED, WAITING)
-"""refused: its parameters make no case; crashed: its process ended without a word, or the machine did not let it write; interrupted: it
-goes on from its checkpoint; waiting: it has not begun."""
+"""refused: its parameters make no case, or its script fails; crashed: its process ended without a word, or the machine did not let it
+write; interrupted: it goes on from its checkpoint; waiting: it has not begun."""
 
 
 @dataclass(frozen=True)

@@ -42,9 +42,19 @@ def run_task(task: Task) -> tuple[str, str]:
         return REFUSED, str(error)
     except Exception as error:  # a fault of the case's script, a full disk: a result like any other
         traceback.print_exc()
-        return CRASHED, f"{type(error).__name__}: {error}"
+        return (REFUSED if _comes_again(error, task) else CRASHED), f"{type(error).__name__}: {error}"
     _say(f"{summary.status}: {summary.computed} steps computed, {summary.wall_time:.1f} s {summary.message}")
     return summary.status, summary.message
+
+
+def _comes_again(error: Exception, task: Task) -> bool:
+    """Whether it is the script's own and not the machine's, whose disk has room another time; a file that is not there is the script's."""
+    from fcsim.running.case import passed_through
+
+    machine = isinstance(error, (OSError, MemoryError)) and not isinstance(
+        error, (FileNotFoundError, IsADirectoryError, NotADirectoryError)
+    )
+    return not machine and passed_through(error, Path(task.script))
 
 
 def _made(task: Task) -> Summary:

@@ -25,7 +25,7 @@ from fcsim.tables import cell
 
 if TYPE_CHECKING:
     from fcsim.campaign.plan import Plan
-    from fcsim.campaign.record import Place
+    from fcsim.campaign.record import Limits, Place
     from fcsim.campaign.results import Row
     from fcsim.campaign.sweep import Launch, Progress, SweepOptions
 
@@ -107,7 +107,7 @@ def _sweep(options: argparse.Namespace) -> int:
     except KeyboardInterrupt as interrupt:
         say(f"fcsim: interrupted by {ended_by(interrupt)}; the same command goes on ({directory / 'results.csv'})", to_stderr=True)
         return EXIT_INTERRUPTED
-    _print_results(plan, made, directory)
+    _print_results(plan, made, directory, settings.limits)
     return EXIT_OK if all(row.record.status == "finished" for row in made) else EXIT_NOT_CONVERGED
 
 
@@ -173,8 +173,9 @@ def _how_far(place: Place) -> str:
     return f"{place.name} step {step}" if step.isdecimal() else ""
 
 
-def _print_results(plan: Plan, rows: Sequence[Row], directory: Path) -> None:
-    """The table of the runs of this command, what failed by name, and where all is."""
+def _print_results(plan: Plan, rows: Sequence[Row], directory: Path, limits: Limits) -> None:
+    """The table of the runs of this command, what failed by name and whether it stays so, and where all is."""
+    from fcsim.campaign.record import stands
     from fcsim.campaign.results import results_of
 
     if answer(results_of(plan, rows)):
@@ -198,6 +199,8 @@ def _print_results(plan: Plan, rows: Sequence[Row], directory: Path) -> None:
         say(f"{told} (logs/{row.run.name}.txt)")
     if len(failed) > SHOWN_FAILURES:
         say(f"... and {len(failed) - SHOWN_FAILURES} more that did not finish")
+    if left := sum(stands(row.record, limits) for row in failed):
+        say(f"{left} of these stay{'s' * (left == 1)} so when the same command is given again; --retry makes them anew")
     say(f"{len(rows) - len(failed)} of {len(rows)} finished; {directory / 'results.csv'}, results.json, runs/")
 
 

@@ -189,7 +189,9 @@ def _checked(module: ModuleType, name: str, script: Path, digest: str) -> CaseSc
             if isinstance(error, ValueError) and not _TOO_LARGE.search(str(error)):
                 raise _of_the_script(error, script) from error
             raise InputError(f"case {name!r}: expected parameters that its script can compute with: {error}") from error
-        except (NameError, TypeError, AttributeError, LookupError, ImportError) as error:
+        except OSError:  # the machine's
+            raise
+        except Exception as error:
             raise _of_the_script(error, script) from error
         if not isinstance(case, Case):
             mend = "; is the `return` missing?" if case is None else ""
@@ -208,6 +210,11 @@ def _asks(error: EOFError, script: Path) -> InputError:
 
 
 _PACKAGE = Path(__file__).resolve().parents[1]
+
+
+def passed_through(error: BaseException, script: Path) -> bool:
+    """Whether what was raised came out of the script, or of what that called."""
+    return any(Path(frame.filename) == script.resolve() for frame in traceback.extract_tb(error.__traceback__))
 
 
 def _of_the_script(error: Exception, script: Path) -> Exception:

@@ -20,8 +20,8 @@ from fcsim.running.vtk_series import SeriesWriter
 from fcsim.timestep.step import Step
 from fcsim.version import __version__
 from fcsim.view.page.write import write_page
-from fcsim.view.pictures import contact_figure, instants_figure, stress_figure
-from fcsim.view.scene import Scene, survey
+from fcsim.view.pictures import ROOM, contact_figure, instants_figure, stress_figure
+from fcsim.view.scene import MARGIN, Scene, survey
 from fcsim.view.style import STYLE, matplotlib
 
 DRAWN = ("stress", "contacts")
@@ -99,7 +99,7 @@ def picture(
     with tempfile.TemporaryDirectory() as folder, matplotlib().rc_context(STYLE):
         run = _series(given, Path(folder), title)
         seen = survey(run, run.instants, exaggeration)
-        with Scene(seen, view, WIDTH) as scene:
+        with Scene(seen, view, WIDTH, margin=ROOM if what == "contacts" else MARGIN) as scene:
             if what == "contacts":
                 drawing = contact_figure(run, scene, run.instants[0])
             else:

@@ -27,6 +27,8 @@ TOP, BOTTOM = 0.72, 0.85  # bands for title and for colours or legend [inch]
 STATUS = {1: ("stick", BLUE), 2: ("slip", RED), 0: ("open", "#a6a6a6")}
 SEPARATOR = "   ·   "
 LONGEST_SEGMENT = 0.12  # of the width of the picture
+ROOM = 0.52 * LONGEST_SEGMENT
+"""Margin of a scene in which segments, whose middle is a contact's point, end within the picture."""
 
 
 def write_pictures(
@@ -43,7 +45,7 @@ def write_pictures(
             if len(run.instants) > 1:
                 written.append(save(instants_figure(run, scene, _spread(run.instants, 4)), directory / "instants.png"))
         progress(2, 3)
-        with Scene(seen, "front", margin=LONGEST_SEGMENT / 3) as scene:
+        with Scene(seen, "front", margin=ROOM) as scene:
             if last.contacts is not None:
                 written.append(save(contact_figure(run, scene, last), directory / "contacts.png"))
             joints = without_moved_on(find_joints(run.instants[0], seen.planar), last)

@@ -39,6 +39,9 @@ ROUND_FACTORS = np.array([1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0])
 # magma, perceptually uniform, from pale to dark without its blackest fifth: an unloaded block looks like stone, a mesh line shows on it
 COLOUR_MAP, DARKEST = "magma_r", 0.82
 
+MARGIN = 0.015
+TALLEST = 0.75
+"""Height of an image by its width."""
 _PROBE = "from vtkmodules.vtkRenderingOpenGL2 import *; from vtkmodules.vtkRenderingCore import vtkRenderWindow, vtkRenderer; \
 w = vtkRenderWindow(); w.SetOffScreenRendering(1); w.AddRenderer(vtkRenderer()); w.Render()"
 
@@ -164,10 +167,10 @@ class Scene:
 
     view   "oblique": from the front, the right and above; "front": along the thickness. 2D models are always seen along z.
     width  of the image [pixel]; its height follows from the box
-    margin free space on each side, as a share of the width
+    margin free space on each side of the box, as a share of the image's width
     """
 
-    def __init__(self, seen: Survey, view: Literal["oblique", "front"] = "oblique", width: int = 1500, margin: float = 0.015) -> None:
+    def __init__(self, seen: Survey, view: Literal["oblique", "front"] = "oblique", width: int = 1500, margin: float = MARGIN) -> None:
         self.survey = seen
         extent = seen.high - seen.low
         if seen.planar:
@@ -184,10 +187,12 @@ class Scene:
         self.left_out = np.empty(0, dtype=np.int64) if seen.planar or seen.last is None else left_out(seen.last, self.toward)
         self.centre = (seen.low + seen.high) / 2
         corners = np.array(np.meshgrid(*zip(seen.low, seen.high, strict=True))).reshape(3, -1).T - self.centre
-        half_width, half_height = (float(np.abs(corners @ axis).max()) for axis in (self.right, self.up))
-        half_width, half_height = half_width * (1 + 2 * margin), half_height + 2 * margin * half_width
-        half_height = max(half_height, 0.1 * half_width)
-        shape = min(half_height / half_width, 0.75)  # a tower would need a very tall image: it leaves space at its sides instead
+        half_width, highest = (float(np.abs(corners @ axis).max()) for axis in (self.right, self.up))
+        half_width /= 1 - 2 * margin
+        half_height = max(highest + 2 * margin * half_width, 0.1 * half_width)
+        if half_height > TALLEST * half_width:  # a tower would need a very tall image: it leaves space at its sides instead
+            half_height = max(highest / (1 - 2 * margin / TALLEST), TALLEST * half_width)
+        shape = min(half_height / half_width, TALLEST)
         self.width, self.height = 2 * round(width / 2), 2 * round(width * shape / 2)  # even: a film's colour blocks are 2 x 2
         self.pixel_per_metre = self.height / (2 * half_height)
         self._plotter = offscreen().Plotter(off_screen=True, window_size=(self.width, self.height), lighting="none")

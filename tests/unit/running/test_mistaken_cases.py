@@ -172,3 +172,14 @@ def test_a_script_that_asks_where_nobody_answers_is_refused_by_its_line(
     with pytest.raises(InputError, match=r"asks\.py, line 6: expected a script that asks nothing"):
         case = load_case(script)
         case.build(case.parameters())
+
+
+@pytest.mark.parametrize("line", ["assert p.steps > 3, 'too few'", "raise RuntimeError('too few')"])
+def test_what_build_raises_itself_is_refused_by_its_line(tmp_path: Path, capsys: pytest.CaptureFixture[str], line: str) -> None:
+    """It was a traceback, and exit code 1, which says that a step did not converge."""
+    folder = Path(world(tmp_path))
+    script = folder / "world.py"
+    script.write_text(script.read_text().replace("def build(p):", f"def build(p):\n    {line}"))
+    assert main(["run", str(folder), "--out", str(tmp_path / "out")]) == 2
+    kind = "AssertionError" if "assert" in line else "RuntimeError"
+    assert f"world.py, line 16: {line}: {kind}: too few" in capsys.readouterr().err
