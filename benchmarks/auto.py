@@ -103,18 +103,24 @@ def measured(problem: GlobalProblem | LocalProblem, method: str, tol: float, lim
     return best
 
 
-def loaded(case: Case, methods: tuple[str, ...], tol: float) -> None:
-    """Every method once on a problem of the same family that is not judged, so that its code is compiled and loaded."""
-    other = case if case.path is not None else Case(case.family, "", size=min(case.size, 150), seed=0)
-    problem = other.made()
-    for method in methods if problem is not None else ():
+def loaded(case: Case, problem: GlobalProblem | LocalProblem, methods: tuple[str, ...], tol: float, ready: set[tuple[object, ...]]) -> None:
+    """Every method once, so that its code is compiled and loaded: on a problem of the same family that is not judged; a folder's files are
+    of many kinds, so each file is solved by `auto`, whose stages depend on the problem, and the first of each kind by the others."""
+    kind = (case.family, tol, type(problem), problem.dimension)
+    if case.path is not None:
+        todo = [method for method in methods if method == "auto" or kind not in ready]
+    else:
+        todo = [] if kind in ready else list(methods)
+        problem = Case(case.family, "", size=min(case.size, 150), seed=0).made() or problem
+    for method in todo:
         once(problem, method, tol, LONGEST)
+    ready.add(kind)
 
 
 def judge(arguments: argparse.Namespace, rows: list[dict[str, object]]) -> None:
     """Solve what is missing in `rows` and write a line each."""
     done = {(row["problem"], row["tol"], row["method"]): row for row in rows}
-    ready: set[tuple[str, float]] = set()
+    ready: set[tuple[object, ...]] = set()
     with arguments.out.open("a", encoding="utf-8") as file:
         for case in cases(arguments):
             for tol in arguments.tols:
@@ -124,9 +130,7 @@ def judge(arguments: argparse.Namespace, rows: list[dict[str, object]]) -> None:
                 problem = case.made()
                 if problem is None or not problem.nc:
                     continue
-                if (case.family, tol) not in ready:
-                    loaded(case, ("auto", *arguments.methods), tol)
-                    ready.add((case.family, tol))
+                loaded(case, problem, ("auto", *arguments.methods), tol, ready)
                 for method in methods:
                     limit = arguments.limit if method == "auto" else _limit(done[case.name, tol, "auto"])
                     status, seconds, iterations = measured(problem, method, tol, limit)

@@ -7,9 +7,10 @@ and `masonry`."""
 from __future__ import annotations
 
 import argparse
+import io
 import sys
 from collections.abc import Sequence
-from contextlib import nullcontext, redirect_stderr
+from contextlib import ExitStack, nullcontext, redirect_stderr, redirect_stdout
 
 from fcsim.command_line import info, render, run, solve, solvers, sweep
 from fcsim.command_line.answers import answering
@@ -61,12 +62,17 @@ SHARED = ("run",)
 
 
 def _refuse_ranks(command: str, launcher: str | None) -> None:
-    """Each rank would do the whole work of the command, into one folder; but for a run, and for a bench whose launcher shares its
-    measurements among the ranks."""
-    if launcher == "mpi" or command in SHARED:
-        return
-    if (ranks := asked_ranks()) > 1:
-        raise InputError(f"fcsim {command}: expected one process, got {ranks} ranks of MPI, which share the work of fcsim run alone")
+    """InputError where there are several ranks for what is one process' work."""
+    if _for_one(command, launcher):
+        raise InputError(
+            f"fcsim {command}: expected one process, got {asked_ranks()} ranks of MPI, which share the work of fcsim run alone"
+        )
+
+
+def _for_one(command: str, launcher: str | None) -> bool:
+    """Whether each of several ranks would do the whole work of the command, into one folder; but for a run, and for a bench whose launcher
+    shares its measurements among the ranks."""
+    return launcher != "mpi" and command not in SHARED and asked_ranks() > 1
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -75,9 +81,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     any_encoding()
     parser = _parser()
     completion.complete(parser)
-    with redirect_stderr(None) if own_rank() else nullcontext():
+    with ExitStack() as stack:
+        if own_rank():  # of None argparse makes standard output
+            stack.enter_context(redirect_stderr(unread := io.StringIO()))
+            stack.enter_context(redirect_stdout(unread))
         options = parser.parse_args(arguments)
-    listens = own_rank() > 0 and options.command in SHARED  # rank 0 speaks for all
+    launcher = getattr(options, "launcher", None)
+    listens = own_rank() > 0 and (options.command in SHARED or _for_one(options.command, launcher))  # rank 0 speaks for all
     if listens:
         silence(sys.stdout)
     with answering(quiet=listens or getattr(options, "quiet", False), as_json=getattr(options, "as_json", False)) as answer:

@@ -34,9 +34,10 @@ def draw_settlement(seen: Settlement, path: Path, title: str) -> Path:
     with matplotlib().rc_context({**STYLE, "savefig.dpi": 160}):
         drawing = figure(7.0, 7.0, layout="constrained")
         across, up, below = drawing.subplots(3, 1, sharex=True)
-        for name, force in seen.forces.items():
-            across.plot(seen.moved / scale, seen.thrust(name) / largest, linewidth=1.2, label=name)
-            up.plot(seen.moved / scale, force[:, -1] / largest, linewidth=1.2, label=name)
+        widths = np.linspace(min(1.2 * len(seen.forces), 6.0), 1.2, len(seen.forces))  # thinner over wider: abutments' thrusts are equal
+        for (name, force), width in zip(seen.forces.items(), widths, strict=True):
+            across.plot(seen.moved / scale, seen.thrust(name) / largest, linewidth=width, label=name)
+            up.plot(seen.moved / scale, force[:, -1] / largest, linewidth=width, label=name)
         below.plot(seen.moved / scale, seen.opening / wide, color="#8c5a33", linewidth=1.2)
         across.set_ylabel(f"thrust [{of_force}]")
         up.set_ylabel(f"vertical force [{of_force}]")

@@ -10,7 +10,7 @@ import sys
 import time
 from collections.abc import Iterator
 from pathlib import Path
-from types import ModuleType
+from types import ModuleType, SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -215,3 +215,35 @@ def test_growth_measures_a_wall_that_carries_its_weight(scripts: Any) -> None:
     assert row["reaction"] == pytest.approx(1, abs=0.05)  # it still swings
     assert row["output"] > 0 and row["first_output"] > 0
     assert 1.5 < row["output_MB"] < 3  # M of the README's wall: 400 620 entries of 12 bytes, which compression leaves about a third of
+
+
+def test_auto_on_files_is_measured_with_code_that_is_loaded(scripts: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each file takes its own stages: those of the second were compiled while it was measured."""
+    auto = scripts("auto")
+    (tmp_path / "set").mkdir()
+    for name, problem in {"a": sliding_block(), "b": unsymmetric_local(), "c": sliding_block(0.4)}.items():
+        write_fclib(tmp_path / "set" / f"{name}.hdf5", problem)
+    solved: list[tuple[str, str, bool]] = []
+    measuring: list[bool] = []
+
+    def once(problem: object, method: str, tol: float, limit: float) -> tuple[str, float, int]:
+        solved.append((type(problem).__name__, method, bool(measuring)))
+        return "SOLVED", 1.0, 1
+
+    def measured(*given: Any) -> tuple[str, float, int]:
+        measuring.append(True)
+        answer = once(*given)
+        measuring.clear()
+        return answer
+
+    monkeypatch.setattr(auto, "once", once)
+    monkeypatch.setattr(auto, "measured", measured)
+    given = SimpleNamespace(out=tmp_path / "out.jsonl", files=[tmp_path / "set"], seeds=[], tols=[1e-8], methods=("NSN-AC",), limit=3.0)
+    auto.judge(given, [])
+    one = [("auto", True), ("NSN-AC", True)]
+    every = [("auto", False), ("NSN-AC", False)]
+    assert solved == [
+        *(("GlobalProblem", *how) for how in (*every, *one)),
+        *(("LocalProblem", *how) for how in (*every, *one)),
+        *(("GlobalProblem", *how) for how in (("auto", False), *one)),
+    ]
