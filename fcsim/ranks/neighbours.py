@@ -1,5 +1,5 @@
-"""The other ranks' processes on this machine: whether they are still there. A process that is killed says nothing to anybody, and not
-every launcher ends the others then (srun without --kill-on-bad-exit, mostly mpiexec -disable-auto-cleanup): they would wait for ever."""
+"""The other ranks' processes on this machine: whether they are still there, and run. A process that is killed says nothing to anybody, and
+not every launcher ends the others then (srun without --kill-on-bad-exit, mostly mpiexec -disable-auto-cleanup): they would wait for ever."""
 
 from __future__ import annotations
 
@@ -32,10 +32,20 @@ def gone(processes: Mapping[int, Process], ranks: Iterable[int]) -> list[int]:
     return [rank for rank in ranks if _started(processes[rank][1]) != processes[rank][2]]
 
 
+def stopped(processes: Mapping[int, Process], ranks: Iterable[int]) -> list[int]:
+    """Those of the ranks whose process is held, by SIGSTOP or a debugger."""
+    return [rank for rank in ranks if (fields := _stat(processes[rank][1])) and fields[0] in "Tt"]
+
+
 def _started(number: int) -> int | None:
     """When the process began; None where none of that number runs (one that has ended, and whose parent has not asked yet, does not)."""
+    fields = _stat(number)
+    return None if not fields or fields[0] in "ZX" else int(fields[19])
+
+
+def _stat(number: int) -> list[str]:
+    """What the machine says of a process, from its state on; nothing where there is none."""
     try:
-        fields = Path(f"/proc/{number}/stat").read_text(errors="replace").rpartition(")")[2].split()  # the name before may hold blanks
+        return Path(f"/proc/{number}/stat").read_text(errors="replace").rpartition(")")[2].split()  # the name before may hold blanks
     except OSError:
-        return None
-    return None if fields[0] in "ZX" else int(fields[19])
+        return []

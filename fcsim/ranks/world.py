@@ -11,10 +11,11 @@ from __future__ import annotations
 
 import hashlib
 import pickle
+import sys
 import time
 import zlib
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import Protocol
 
 import numpy as np
@@ -25,7 +26,7 @@ from fcsim.arrays import FloatArray, IntArray
 from fcsim.errors import FcsimError
 from fcsim.interrupts import Ended, held_back
 from fcsim.ranks._digest_kernels import digest as digest_of_words
-from fcsim.ranks.neighbours import gone, on_this_machine, this_process
+from fcsim.ranks.neighbours import gone, on_this_machine, stopped, this_process
 
 AWAKE, NAP = 5e-4, 2e-4
 """[s] A rank that waits looks again and again for so long, and then after so many seconds each."""
@@ -37,6 +38,8 @@ LAST_WORD = 2.0
 """[s] The launcher ends all ranks where one ends with an error; rank 0, which has to say why, goes first."""
 LOOK = 1.0
 """[s] So often a rank that waits looks whether the others' processes on its machine are still there."""
+HELD = 5.0
+"""[s] A rank whose process is stopped for so long is named: the others wait for it, which may be what somebody wants."""
 SUMMED_AT_ONCE = 4_000_000
 """Numbers (32 MB)."""
 _ENDED = 77
@@ -72,6 +75,7 @@ class World:
         self._libraries: object = None
         self.exchanges = self.messages = self.bytes = 0
         self._ended: dict[int, tuple[int, str, bool]] = {}
+        self._stopped: dict[int, float] = {}
         self._neighbours, self._looked = on_this_machine(self._control.allgather(this_process())), 0.0
         self.broken = False
 
@@ -102,6 +106,21 @@ class World:
             self._looked = time.perf_counter()
             for rank in gone(self._neighbours, self._neighbours.keys() - self._ended.keys()):
                 self._ended[rank] = (1, "its process was killed, or crashed", False)
+            self._name_the_stopped()
+
+    def _name_the_stopped(self) -> None:
+        """Say once which ranks are held up, on the first rank of this machine that is not."""
+        now = time.perf_counter()
+        self._stopped = {
+            rank: self._stopped.get(rank, now) for rank in stopped(self._neighbours, self._neighbours.keys() - self._ended.keys())
+        }
+        speaks = self.number == min({self.number, *self._neighbours} - self._stopped.keys())
+        for rank, since in self._stopped.items():
+            if speaks and now > since + HELD:
+                self._stopped[rank] = float("inf")
+                with suppress(OSError, AttributeError):  # nobody reads it
+                    text = f"rank {rank} of {self.size} is stopped (by SIGSTOP, or a debugger), and the others wait for it: process"
+                    print(f"fcsim: {text} {self._neighbours[rank][1]}", file=sys.stderr, flush=True)
 
     def _left_alone(self) -> None:
         number = min(self._ended)

@@ -34,7 +34,7 @@ def run(mpiexec: Program, tmp_path: Path) -> Callable[..., Ended]:
     return start
 
 
-def spoiled(case_folder: Path, line: str) -> Path:
+def spoiled(case_folder: Path, line: str, rank: int = 1) -> Path:
     """The case with a gravity that does `line` on one rank once there is a checkpoint, the second step's, beside a file that says when."""
     script = case_folder / "two_blocks.py"
     text = script.read_text(encoding="utf-8")
@@ -42,7 +42,8 @@ def spoiled(case_folder: Path, line: str) -> Path:
     text = text.replace("gravity=lambda t: (2.0, 0, -9.81),", "gravity=gravity,").replace(
         "def build(p):",
         "import os\nRANK, SIGN = os.environ.get('PMI_RANK'), Path(__file__).parents[1] / 'out/checkpoint.h5'\n\n\n"
-        f"def gravity(t):\n    if RANK == '1' and SIGN.exists():\n        SIGN.parents[1].joinpath('spoiled').touch()\n        {line}\n"
+        f"def gravity(t):\n    if RANK == '{rank}' and SIGN.exists():\n"
+        f"        SIGN.parents[1].joinpath('spoiled').touch()\n        {line}\n"
         "    return (2.0, 0, -9.81)\n\n\ndef build(p):",
     )
     script.write_text(text, encoding="utf-8")
@@ -137,6 +138,18 @@ def test_a_rank_that_is_killed_ends_all(
     assert steps_without_seconds(tmp_path / "out") == steps_without_seconds(tmp_path / "alone")
 
 
+@pytest.mark.parametrize("rank", [0, 1])
+def test_a_rank_that_is_stopped_is_named_and_waited_for(run: Callable[..., Ended], case_folder: Path, tmp_path: Path, rank: int) -> None:
+    """The others waited for it, for ever perhaps, and nobody knew for what."""
+    once = "if not SIGN.parents[1].joinpath('once').exists(): SIGN.parents[1].joinpath('once').touch(); import signal, subprocess"
+    wake = "subprocess.Popen(['sh', '-c', f'sleep 9; kill -CONT {os.getpid()}'])"
+    ended = run(3, spoiled(case_folder, f"{once}; {wake}; os.kill(os.getpid(), signal.SIGSTOP)", rank), timeout=90)
+    assert ended.code == 0, ended.err
+    named = rf"fcsim: rank {rank} of 3 is stopped \(by SIGSTOP, or a debugger\), and the others wait for it: process \d+\n"
+    assert len(re.findall(named, ended.err)) == ended.err.count("is stopped") == 1, ended.err
+    assert open_run(tmp_path / "out").description.status == "finished"
+
+
 KEEPER = """
 import subprocess, sys, time
 code = subprocess.run([sys.executable, *sys.argv[1:]], close_fds=False).returncode  # the launcher's socket among them
@@ -178,6 +191,16 @@ def test_bad_input_is_said_once(run: Callable[..., Ended], case_folder: Path) ->
     for arguments, message in ((["--set", "E=-1"], "E"), (["--set", "nonsense=1"], "nonsense"), (["--nonsense"], "nonsense")):
         ended = run(3, case_folder, *arguments)
         assert ended.code == 2 and len(re.findall(r"^(fcsim: |.*error: )", ended.err, re.MULTILINE)) == 1 and message in ended.err
+        assert ended.err.count("usage: ") <= 1 and "usage: " not in ended.out
+
+
+@pytest.mark.parametrize(
+    ("command", "shown"), [(("solve", "x.hdf5"), "expected one process, got 3 ranks"), (("run", "--help"), "usage: fcsim run")]
+)
+def test_what_ends_before_any_rank_shares_is_said_once(mpiexec: Program, command: tuple[str, ...], shown: str) -> None:
+    """Each rank refused, or helped, with its own voice."""
+    ended = mpiexec(3, "-m", "fcsim", *command)
+    assert ended.code == (0 if "--help" in command else 2) and (ended.out + ended.err).count(shown) == 1
 
 
 @pytest.mark.slow
