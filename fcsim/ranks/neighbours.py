@@ -1,5 +1,6 @@
 """The other ranks' processes on this machine: whether they are still there, and run. A process that is killed says nothing to anybody, and
-not every launcher ends the others then (srun without --kill-on-bad-exit, mostly mpiexec -disable-auto-cleanup): they would wait for ever."""
+not every launcher ends the others then (srun without --kill-on-bad-exit, mostly mpiexec -disable-auto-cleanup): they would wait on and
+on."""
 
 from __future__ import annotations
 
