@@ -19,9 +19,10 @@ from fcsim.assembly.body_factors import BodyFactors
 from fcsim.assembly.kinematics.turned_matrix import TurnedMatrix
 from fcsim.assembly.model import Model
 from fcsim.assembly.rigid import turned_matrices
-from fcsim.assembly.shares.group_factor import GroupFactor, own_surface
+from fcsim.assembly.shares.group_factor import GroupFactor, own_surface, solved_by_each
 from fcsim.assembly.shares.shares import Shares, runs
 from fcsim.errors import InputError
+from fcsim.ranks import partners, world
 
 
 class SystemFactor:
@@ -206,7 +207,9 @@ class SystemFactor:
             linear = self.model.apply_stiffness(v) if self.rotation is None else turned(self.rotation, v)
             for bodies in self.nonlinear_groups:
                 linear[bodies.dofs] = 0
-            self._last_product = last = own.copy(), linear
+            last = own.copy(), linear
+            if world() is partners():  # what one rank alone keeps it would not come to exchange, where the others wait
+                self._last_product = last
         return last[1]
 
     def apply_tangents(self, v: FloatArray) -> FloatArray:
@@ -226,30 +229,27 @@ class SystemFactor:
         return self._solve_all(rhs)
 
     def _solve_all(self, rhs: FloatArray) -> FloatArray:
-        x, shares = rhs.copy(), self.model.shares
-        spread = [group for group in self._groups if isinstance(group, GroupFactor) and group.over_ranks and shares is not None]
+        x, shares, ranges = rhs.copy(), self.model.shares, self.model.elastic.ranges
+        linear = [group for group in self._groups if isinstance(group, GroupFactor)]
+        spread = [group for group in linear if group.over_ranks and shares is not None]
+        each = solved_by_each(linear, ranges, rhs, self.rotation, x, shares)
         with self._section("solutions"):
             for group in self._groups:
                 if isinstance(group, BodyFactors):
                     own = self._own(group.members)
                     dofs = group.dofs[own][:, group.free]
                     x[dofs] = group.solve(rhs[dofs], own)
-                elif shares is None or (group not in spread and self._solves(group, shares)):
-                    group.solve(rhs, self.rotation, x)
+                elif shares and group not in spread + each and shares.solver(group.members) == shares.world.number:
+                    group.solve(rhs, self.rotation, x, ranges.cuts(group.first, ranges.edges))
         if shares is not None and len((where := self._solved_where(shares))[0]):
             dofs, counts = where
             begin = int(counts[: shares.world.number].sum())
             x[dofs] = shares.world.gathered(x[dofs[begin : begin + counts[shares.world.number]]], counts)
         for group in spread:
-            group.solve(rhs, self.rotation, x)
+            group.solve(rhs, self.rotation, x, (0, len(group.first)))
         rigid, free = self.model.rigid_part(x), self.model.rigid_free
         rigid[free] = np.einsum("aij,aj->ai", self._rigid_inverse, self.model.rigid_part(rhs))[free]
         return x
-
-    @staticmethod
-    def _solves(group: GroupFactor, shares: Shares) -> bool:
-        """Whether this rank solves for the bodies of a group of linear material."""
-        return group.everyones or shares.solver(group.members) == shares.world.number
 
     def _solved_where(self, shares: Shares) -> tuple[IntArray, IntArray]:
         """See `Shares.solved_where`: of the bodies that some ranks solve for and others do not."""

@@ -170,22 +170,18 @@ class Model(BodyLayout):
 
     def apply_stiffness(self, x: FloatArray) -> FloatArray:
         """Return K x (n_dofs,) [N], K of the reference configuration (of nonlinear materials their tangent there)."""
-        return self._apply("K", x)
+        return self.elastic.stiffness_times(x)
 
     def apply_mass(self, v: FloatArray, rigid_mass: FloatArray | None = None) -> FloatArray:
         """Return M v (n_dofs,) [N s]; rigid_mass (nr, k, k): that of the configuration, see `rigid_mass` (default: the reference)."""
-        y = self._apply("M", v)
+        y = np.zeros_like(v)
+        for group in self.groups:
+            if group.lumped is not None:
+                put_lumped(group.first, group.lumped, v, y)
+            else:
+                group.put(y, times_each(group.M, group.rows(v)))
         rigid_mass = self.rigid_mass() if rigid_mass is None else rigid_mass
         y[self.n_elastic :] = np.einsum("aij,aj->ai", rigid_mass, self.rigid_part(v)).ravel()
-        return y
-
-    def _apply(self, operator: Literal["K", "M"], x: FloatArray) -> FloatArray:
-        y = np.zeros_like(x)
-        for group in self.groups:
-            if operator == "M" and group.lumped is not None:
-                put_lumped(group.first, group.lumped, x, y)
-            else:
-                group.put(y, times_each(getattr(group, operator), group.rows(x)))
         return y
 
     def matrix(self, mass: float, stiffness: float) -> sp.csr_array:

@@ -17,10 +17,12 @@ Sources: M. Jean, "The non-smooth contact dynamics method", Comput. Methods Appl
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 
 from fcsim.arrays import FloatArray
+from fcsim.assembly.kinematics.elastic_forces import energies_of
 from fcsim.assembly.loads import Follower
 from fcsim.assembly.model import Model
 from fcsim.contact_law.coulomb import Gap
@@ -154,24 +156,26 @@ class Theta(Dynamic):
         dx, mean = after.x - before.x, theta * after.v + (1 - theta) * before.v
         inner = before.x + theta * dx, self.elastic_time, theta
 
-        def of_strain() -> FloatArray:
-            energies, loss = model.elastic.energies(model.elastic.at(before.x), model.elastic.at(after.x))
-            return np.array([*energies, loss])
+        first, last = model.elastic.at(before.x), model.elastic.at(after.x)
 
         def of_motion() -> FloatArray:
             M0, M1 = momentum(model, before), momentum(model, after)
             load = self._force(model, before) + pushing(model, inner[0], self.when(before))
             works = v @ load, v @ (theta * M1 + (1 - theta) * M0), dv @ (M1 - M0), (before.v - v0) @ M0, (after.v - v1) @ M1
-            contact = contact_work(acting, v)
-            return np.array([before.v @ M0, after.v @ M1, *works, contact.normal, contact.tangential, contact.friction_dissipation])
+            return np.array([before.v @ M0, after.v @ M1, *works])
 
-        strain, motion = of_ranks(model, ((3, of_strain), (10, of_motion)))
-        (energy0, energy1, loss), (kinetic0, kinetic1, loads, damped, change, turned0, turned1, *contact) = strain.tolist(), motion.tolist()
+        def of_contact() -> FloatArray:
+            work = contact_work(acting, v)
+            return np.array([work.normal, work.tangential, work.friction_dissipation])
+
+        elastic, terms = model.elastic, [(1, partial(model.elastic.of_first, first)), (2, partial(model.elastic.of_change, first, last))]
+        start, strain, motion, contact = of_ranks(model, (*terms, (7, of_motion), (3, of_contact)))
+        (energy0, energy1), loss = energies_of(start, strain)
+        kinetic0, kinetic1, loads, damped, change, turned0, turned1 = motion.tolist()
         if model.held.turns:
             drift = model.driven_share(dx - h * mean)
             mean = mean + drift / h
-            first, last = model.elastic.at(before.x), model.elastic.at(after.x)
-            supports += float(drift @ (model.elastic.force(first, last, theta, mean) + inner_force(model, before, inner, mean)))
+            supports += float(drift @ (elastic.force(first, last, theta, mean) + inner_force(model, before, inner, mean)))
         return balance(
             kinetic=(0.5 * kinetic0, 0.5 * kinetic1),
             elastic=(energy0, energy1),
@@ -179,6 +183,6 @@ class Theta(Dynamic):
             supports=supports,
             damping=h * model.alpha * damped + model.beta / h * loss,
             numerical=(theta - 0.5) * (change + loss) + 0.5 * (turned0 - turned1),
-            contact=ContactWork(*contact),
+            contact=ContactWork(*contact.tolist()),
             inner=inner_work(model, before, after, dx, inner, mean),
         )

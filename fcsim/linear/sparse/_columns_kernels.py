@@ -70,6 +70,44 @@ def times_columns(indptr, indices, data, x, size):
 
 
 @njit(cache=True)
+def times_columns_between(indptr, indices, data, x, first, last, y):
+    """Add to y (n,) the rows first, ..., last - 1 of A x of A (n, m) by columns, whose rows ascend, for x (m,): in the order of
+    `times_columns`."""
+    m, j = len(indptr) - 1, 0
+    while j < m:
+        a = indptr[j]
+        n = indptr[j + 1] - a
+        three = j + 2 < m and indptr[j + 2] - a == 2 * n and indptr[j + 3] - a == 3 * n
+        if n == 0 or indices[a] >= last or indices[a + n - 1] < first:  # a contact's columns have rows of the same bodies
+            if not three or n == 0:
+                j += 1
+                continue
+            b, c = a + n, a + 2 * n
+            out = indices[b] >= last or indices[b + n - 1] < first
+            if out and (indices[c] >= last or indices[c + n - 1] < first):
+                j += 3
+                continue
+        k = a
+        alike = three
+        while alike and k < a + n:
+            alike = indices[k] == indices[k + n] and indices[k] == indices[k + 2 * n]
+            k += 1
+        if alike:
+            r, s, t = x[j], x[j + 1], x[j + 2]
+            for k in range(a, a + n):
+                e, i = np.uint64(k), indices[k]
+                if first <= i < last:
+                    p = np.uint64(i)
+                    y[p] = ((y[p] + data[e] * r) + data[np.uint64(k + n)] * s) + data[np.uint64(k + 2 * n)] * t
+            j += 3
+            continue
+        for k in range(a, a + n):
+            if first <= indices[k] < last:
+                y[indices[k]] += data[k] * x[j]
+        j += 1
+
+
+@njit(cache=True)
 def rows_kept(indptr, indices, data, ordered, place, starts, rows, values):
     """Write the columns of A (n, m) with its rows i at place[i], those with place[i] < 0 left out, one after the other; their starts
     (m + 1,). ordered: whether rows ascend in each column."""

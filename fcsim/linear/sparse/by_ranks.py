@@ -7,7 +7,7 @@ import scipy.sparse as sp
 
 from fcsim.arrays import FloatArray
 from fcsim.linear.sparse import _columns_kernels as kernels
-from fcsim.linear.sparse.columns import transposed_times
+from fcsim.linear.sparse.columns import times, transposed_times
 from fcsim.ranks import in_parts, world
 
 CONTACTS_FROM = 3000
@@ -27,3 +27,17 @@ def transposed_times_by_ranks(A: sp.sparray | FloatArray, x: FloatArray) -> Floa
 
     in_parts("H^T v", len(product), CONTACTS_FROM, multiply, product)
     return product.ravel()
+
+
+def times_by_ranks(A: sp.sparray | FloatArray, x: FloatArray) -> FloatArray:
+    """A x (n,) as `times`, each rank some of its rows where they ascend in each column; all ranks must ask."""
+    by_columns = isinstance(A, sp.csc_array) and A.dtype == np.float64 == x.dtype and x.shape == A.shape[1:]
+    if world() is None or not isinstance(A, sp.csc_array) or not by_columns or not A.has_canonical_format or A.shape[1] < 3 * CONTACTS_FROM:
+        return times(A, x)
+    product = np.zeros(A.shape[0])
+
+    def multiply(begin: int, end: int) -> None:
+        kernels.times_columns_between(A.indptr, A.indices, A.data, x, begin, end, product)
+
+    in_parts("H r", len(product), 0, multiply, product)
+    return product
