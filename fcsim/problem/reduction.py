@@ -26,7 +26,7 @@ from fcsim.linear.singularity import refuse_singular
 from fcsim.linear.small_blocks import small_blocks
 from fcsim.linear.sparse.behind import first_rows
 from fcsim.linear.sparse.by_ranks import times_by_ranks, transposed_times_by_ranks
-from fcsim.linear.sparse.columns import entries_of_rows, times
+from fcsim.linear.sparse.columns import entries_of_rows, met_twice_beyond, times
 from fcsim.problem._reduction_kernels import alike_in_contacts, asymmetry, block_of, connected_components, equal_blocks
 from fcsim.problem.bodies.late import LateSum
 from fcsim.problem.bodies.shares import BodyShares, KnownShares
@@ -296,9 +296,9 @@ def _motion(problem: GlobalForm, W: Matrix) -> Motion | None:
     """H and M behind W, where degrees of freedom are few and no equality constraints couple them; those of bodies that no contact touches
     cost nothing and do not count, nor do those of a spring, which M couples to nothing and one contact unknown alone moves: they are
     compliances of that."""
-    if problem.G is not None:
-        return None
     few = FEW * problem.m
+    if problem.G is not None or met_twice_beyond(problem.H, few):
+        return None
     H: sp.csr_array | sp.csc_array = problem.H if isinstance(problem.H, sp.csc_array) else sp.csr_array(problem.H)
     count = entries_of_rows(H)
     if not 0 < np.count_nonzero(count > 1) <= few and not 0 < np.count_nonzero(count) <= few:
