@@ -24,7 +24,7 @@ from fcsim.ranks import World, world
 ROUND = 1e-9  # distances that differ by less, relative to the facet size, are equal
 _PARALLEL = 0.99
 
-SHARED_FROM = 100_000
+SHARED_FROM = 30_000
 """Possible pairs from which ranks share them out."""
 
 VALLEY = 3

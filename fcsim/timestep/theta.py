@@ -17,7 +17,7 @@ Sources: M. Jean, "The non-smooth contact dynamics method", Comput. Methods Appl
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from functools import partial
+from functools import cache, partial
 
 import numpy as np
 
@@ -27,7 +27,19 @@ from fcsim.assembly.loads import Follower
 from fcsim.assembly.model import Model
 from fcsim.contact_law.coulomb import Gap
 from fcsim.contact_law.law import Law, Timing
-from fcsim.timestep.energy import Acting, ContactWork, Energy, balance, contact_work, inner_force, inner_work, momentum, of_ranks, pushing
+from fcsim.timestep.energy import (
+    Acting,
+    ContactWork,
+    Energy,
+    InnerWork,
+    balance,
+    contact_work,
+    inner_force,
+    inner_work,
+    momentum,
+    of_ranks,
+    pushing,
+)
 from fcsim.timestep.scheme import Dynamic, load_at, positive, refuse_law
 from fcsim.timestep.state import State
 from fcsim.timestep.step_equation.end_velocity import end_velocity
@@ -147,35 +159,43 @@ class Theta(Dynamic):
         the ends changes in the energy of a given angular momentum: of second order, and swinging. For the work of impacts see `Velocity`.
         Driven rotations place nodes on circles, dx = h v_theta + c (see `_drift`): c times the forces of strain there is work of supports.
         """
-        h, theta = self.h, self.theta
-        middle = self.detection_configuration(model, before)
-        v0 = self.velocity_before(model, before)
-        v1 = model.keep_momentum(after.v, model.rigid_mass(after.x), middle)
-        v, dv = theta * v1 + (1 - theta) * v0, v1 - v0
-        supports = float(v @ support)
-        dx, mean = after.x - before.x, theta * after.v + (1 - theta) * before.v
-        inner = before.x + theta * dx, self.elastic_time, theta
+        h, theta, elastic = self.h, self.theta, model.elastic
+        first, last = elastic.at(before.x), elastic.at(after.x)
 
-        first, last = model.elastic.at(before.x), model.elastic.at(after.x)
+        @cache
+        def velocities() -> tuple[FloatArray, FloatArray, FloatArray]:
+            middle = self.detection_configuration(model, before)
+            v0 = self.velocity_before(model, before)
+            v1 = model.keep_momentum(after.v, model.rigid_mass(after.x), middle)
+            return v0, v1, theta * v1 + (1 - theta) * v0
 
         def of_motion() -> FloatArray:
+            v0, v1, v = velocities()
             M0, M1 = momentum(model, before), momentum(model, after)
-            load = self._force(model, before) + pushing(model, inner[0], self.when(before))
-            works = v @ load, v @ (theta * M1 + (1 - theta) * M0), dv @ (M1 - M0), (before.v - v0) @ M0, (after.v - v1) @ M1
+            load = self._force(model, before)
+            if model.following:
+                load = load + pushing(model, before.x + theta * (after.x - before.x), self.when(before))
+            turned = [0.0 if x is y else (x - y) @ M for x, y, M in ((before.v, v0, M0), (after.v, v1, M1))]
+            works = v @ load, v @ (theta * M1 + (1 - theta) * M0), (v1 - v0) @ (M1 - M0), *turned, v @ support
             return np.array([before.v @ M0, after.v @ M1, *works])
 
         def of_contact() -> FloatArray:
-            work = contact_work(acting, v)
+            work = contact_work(acting, velocities()[2])
             return np.array([work.normal, work.tangential, work.friction_dissipation])
 
-        elastic, terms = model.elastic, [(1, partial(model.elastic.of_first, first)), (2, partial(model.elastic.of_change, first, last))]
-        start, strain, motion, contact = of_ranks(model, (*terms, (7, of_motion), (3, of_contact)))
+        terms = (1, partial(elastic.of_first, first)), (2, partial(elastic.of_change, first, last)), (8, of_motion), (3, of_contact)
+        start, strain, motion, contact = of_ranks(model, terms)
         (energy0, energy1), loss = energies_of(start, strain)
-        kinetic0, kinetic1, loads, damped, change, turned0, turned1 = motion.tolist()
-        if model.held.turns:
-            drift = model.driven_share(dx - h * mean)
-            mean = mean + drift / h
-            supports += float(drift @ (elastic.force(first, last, theta, mean) + inner_force(model, before, inner, mean)))
+        kinetic0, kinetic1, loads, damped, change, turned0, turned1, supports = motion.tolist()
+        work_inside = InnerWork()
+        if model.nonlinear or model.held.turns:
+            dx, mean = after.x - before.x, theta * after.v + (1 - theta) * before.v
+            inner = before.x + theta * dx, self.elastic_time, theta
+            if model.held.turns:
+                drift = model.driven_share(dx - h * mean)
+                mean = mean + drift / h
+                supports += float(drift @ (elastic.force(first, last, theta, mean) + inner_force(model, before, inner, mean)))
+            work_inside = inner_work(model, before, after, dx, inner, mean)
         return balance(
             kinetic=(0.5 * kinetic0, 0.5 * kinetic1),
             elastic=(energy0, energy1),
@@ -184,5 +204,5 @@ class Theta(Dynamic):
             damping=h * model.alpha * damped + model.beta / h * loss,
             numerical=(theta - 0.5) * (change + loss) + 0.5 * (turned0 - turned1),
             contact=ContactWork(*contact.tolist()),
-            inner=inner_work(model, before, after, dx, inner, mean),
+            inner=work_inside,
         )
