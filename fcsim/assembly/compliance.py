@@ -7,21 +7,21 @@ one. The compliance of a block on its contact dofs is formed once; from them eac
 from __future__ import annotations
 
 import copy
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager, nullcontext
-from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
 
 from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.assembly.body_factors import BodyFactors
-from fcsim.assembly.kinematics.turned_matrix import TurnedMatrix
 from fcsim.assembly.model import Model
 from fcsim.assembly.rigid import turned_matrices
 from fcsim.assembly.shares.group_factor import GroupFactor, own_surface, solved_by_each
 from fcsim.assembly.shares.shares import Shares, runs
+from fcsim.assembly.whole.elastic_matrix import ElasticMatrix, joined
 from fcsim.errors import InputError
+from fcsim.linear.sparse._vectors_kernels import weighted_sum
 from fcsim.ranks import partners, world
 
 
@@ -46,7 +46,7 @@ class SystemFactor:
         if not mass and model.rigid_free.any():
             body = model.rigid[int(np.argmax(model.rigid_free.any(axis=1)))]
             raise InputError(f"rigid body {body.name!r}: it is free to move and has no mass in statics; hold it, or add its mass")
-        self._elastic = _ElasticMatrix(model, mass, stiffness)
+        self._elastic = ElasticMatrix(model, mass, stiffness)
         self.places = self._bodies_of_dofs()
         self.rotation: FloatArray | None = None
         self._where: dict[Shares, tuple[IntArray, IntArray]] = {}  # of this factor and all that follow from it
@@ -157,14 +157,18 @@ class SystemFactor:
         if self._matrix is None:
             plain = self.rotation is None and not self.nonlinear_groups
             rigid = self._rigid_block()
-            self._matrix = _joined(self._elastic.block, rigid) if plain else self._elastic.at(self.rotation, self._blocks(), rigid)
+            self._matrix = joined(self._elastic.block, rigid) if plain else self._elastic.at(self.rotation, self._blocks(), rigid)
         return self._matrix
 
     def product(self, v: FloatArray) -> FloatArray:
         """Return `matrix()` v for v (n,) on the problems' unknowns, without that matrix."""
         model = self.model
-        moved = np.zeros(model.n_dofs)
-        moved[model.free_dofs] = v if model.driven == "eliminated" else v[model.free_dofs]
+        if model.driven == "eliminated":
+            moved = np.zeros(model.n_dofs)
+            moved[model.free_dofs] = v
+        else:
+            moved = v.copy()
+            moved[model.driven_dofs] = 0.0
         y = model.along(self.apply(model.world(moved)))
         if model.driven == "eliminated":
             return y[model.free_dofs]
@@ -194,9 +198,9 @@ class SystemFactor:
 
     def apply(self, v: FloatArray) -> FloatArray:
         """Return A v (n_dofs,) over all dofs in world axes, driven ones as they are."""
-        y = self.mass * self.model.apply_mass(v, self.rigid_mass)
-        if self.stiffness and np.any(v[: self.model.n_elastic]):
-            y += self.stiffness * self._stiffness_times(v)
+        y = self.model.apply_mass(v, self.rigid_mass)
+        moved = self.stiffness and np.any(v[: self.model.n_elastic])
+        y = weighted_sum(self.mass, y, self.stiffness, self._stiffness_times(v)) if moved else self.mass * y
         return y + self.apply_tangents(v) if self.nonlinear_groups else y
 
     def _stiffness_times(self, v: FloatArray) -> FloatArray:
@@ -287,64 +291,3 @@ class SystemFactor:
         count = len(self._rigid_inverse)
         own = self._own(np.arange(len(self.model.bodies) - count, len(self.model.bodies)))
         yield from runs(begin, self._rigid_inverse, np.where(own, np.arange(count), -1))
-
-
-class _ElasticMatrix:
-    """The deformable bodies' block of A on the problems' unknowns, made where it is asked for."""
-
-    def __init__(self, model: Model, mass: float, stiffness: float) -> None:
-        self._model, self._mass, self._stiffness = model, mass, stiffness
-
-    def at(self, rotation: FloatArray | None, blocks: Mapping[int, FloatArray], rigid: sp.csr_array) -> sp.csr_array:
-        """The block with the bodies turned by rotation (n_deformable, d, d), None: not, and the blocks of nonlinear groups; after it that
-        of the rigid bodies."""
-        if self._axes is None:
-            return self._own.at(rotation, blocks, rigid)
-        A = self._own.at(rotation, blocks, sp.csr_array((0, 0)))
-        return _joined(self._restricted(self._axes @ A @ self._axes.T), rigid)
-
-    @cached_property
-    def _own(self) -> TurnedMatrix:
-        """Where supports have axes of their own, of all dofs in world axes."""
-        model = self._model
-        if self._axes is None:
-            return TurnedMatrix(model.groups, self._mass, self._stiffness, self._free, model.driven == "eliminated")
-        return TurnedMatrix(model.groups, self._mass, self._stiffness, np.ones_like(self._free), False)
-
-    @cached_property
-    def _axes(self) -> sp.csr_array | None:
-        axes = self._model.held.axes
-        return None if axes is None else axes.matrix(0, self._model.n_elastic)
-
-    @property
-    def _free(self) -> BoolArray:
-        free = np.ones(self._model.n_elastic, dtype=bool)
-        free[self._model.driven_dofs[self._model.driven_dofs < len(free)]] = False
-        return free
-
-    @cached_property
-    def block(self) -> sp.csr_array:
-        n = self._model.n_elastic
-        A = self._model.matrix(self._mass, self._stiffness)[:n, :n]
-        return self._restricted(A if self._axes is None else self._axes @ A @ self._axes.T)
-
-    def _restricted(self, A: sp.csr_array) -> sp.csr_array:
-        free = self._free.astype(float)
-        if self._model.driven == "eliminated":
-            return sp.csr_array(A[free > 0][:, free > 0])
-        A = sp.csr_array(sp.diags_array(free) @ A @ sp.diags_array(free) + sp.diags_array(1 - free))
-        A.eliminate_zeros()
-        return A
-
-
-def _joined(first: sp.csr_array, second: sp.csr_array) -> sp.csr_array:
-    """diag(first, second) of two csr_arrays as one."""
-    n = first.shape[0]
-    return sp.csr_array(
-        (
-            np.concatenate([first.data, second.data]),
-            np.concatenate([first.indices, second.indices + n]),
-            np.concatenate([first.indptr, first.indptr[-1] + second.indptr[1:]]),
-        ),
-        shape=(n + second.shape[0], n + second.shape[0]),
-    )

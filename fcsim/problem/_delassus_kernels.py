@@ -108,13 +108,12 @@ def bodies_of_contacts(indptr, indices, body, d):
 def entries_by_body(indptr, indices, data, body, column, count, d, some):
     """Sort the entries of H by bodies: body b is on contacts[first[b]:first[b + 1]], the rest is h as above.
 
-    H (n, d nc) by columns (csc); body (n,): the body of each unknown, of `count`, -1 where it has no share in W; column (n,): its
-    column of h; some (k,): the contacts that count, by whose places in it they are numbered.
-    Returns first (count + 1,), contacts (pairs,), begins (pairs + 1,), unknowns (entries,), weights (entries, 3).
+    H (n, d nc) by columns (csc); body (n,): the body of each unknown, of `count`, -1 where it has no share in W; column (n,): its column of
+    h; some (k,): the contacts that count, numbered by their places here. Returns first (count + 1,), contacts (pairs,), begins (pairs+1,),
+    unknowns (entries,), weights (entries, 3).
     """
-    nc = len(some)
+    nc, alike = len(some), of_one_pattern(indptr, indices, d, some)  # contacts of which one column says which unknowns they are on
     first, last = np.zeros(count + 1, dtype=np.int64), np.zeros(count, dtype=np.int64)  # last[b]: 1 + the last contact that met b
-    alike = of_one_pattern(indptr, indices, d, some)  # contacts of which one column says which unknowns they are on
     for a in range(nc):
         for e in range(indptr[d * some[a]], indptr[d * some[a] + (1 if alike[a] else d)]):
             b = body[indices[e]]
@@ -146,15 +145,14 @@ def entries_by_body(indptr, indices, data, body, column, count, d, some):
     free, place = np.zeros(len(contacts), dtype=np.int64), np.empty(len(body), dtype=np.int64)
     for a in range(nc):
         if alike[a]:
-            begin = indptr[d * some[a]]
-            for e in range(begin, indptr[d * some[a] + 1]):
+            for e in range(indptr[d * some[a]], indptr[d * some[a] + 1]):
                 p = pair[e]
                 if p >= 0:
                     at = begins[p] + free[p]
                     unknowns[at] = column[indices[e]]
                     free[p] += 1
                     for i in range(d):
-                        weights[at, i] = data[indptr[d * some[a] + i] + e - begin]
+                        weights[at, i] = data[indptr[d * some[a] + i] + e - indptr[d * some[a]]]
             continue
         for i in range(d):
             for e in range(indptr[d * some[a] + i], indptr[d * some[a] + i + 1]):

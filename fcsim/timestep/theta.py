@@ -27,6 +27,7 @@ from fcsim.assembly.loads import Follower
 from fcsim.assembly.model import Model
 from fcsim.contact_law.coulomb import Gap
 from fcsim.contact_law.law import Law, Timing
+from fcsim.linear.sparse._vectors_kernels import weighted_sum
 from fcsim.timestep.energy import (
     Acting,
     ContactWork,
@@ -108,10 +109,10 @@ class Theta(Dynamic):
         return self.h * self.theta
 
     def elastic_path(self, model: Model, state: State, v: FloatArray) -> tuple[FloatArray, FloatArray]:
-        return state.x, state.x + self.h * self.damping_velocity(model, state, v)
+        return state.x, weighted_sum(1.0, state.x, self.h, self.damping_velocity(model, state, v))
 
     def damping_velocity(self, model: Model, state: State, v: FloatArray) -> FloatArray:
-        mean = self.theta * v + (1 - self.theta) * state.v
+        mean = weighted_sum(self.theta, v, 1 - self.theta, state.v)
         return mean if not model.held.turns else mean + self._drift(model, state) / self.h
 
     def _drift(self, model: Model, state: State) -> FloatArray:
@@ -123,7 +124,7 @@ class Theta(Dynamic):
     def right_hand_side(self, model: Model, state: State) -> FloatArray:
         h, undamped = self.h, 1 - self.h * (1 - self.theta) * model.alpha
         if undamped == 1:
-            return momentum(model, state) + h * self._force(model, state)
+            return weighted_sum(1.0, momentum(model, state), h, self._force(model, state))
         return model.apply_mass(undamped * state.v, model.rigid_mass(state.x)) + h * self._force(model, state)
 
     def _force(self, model: Model, state: State) -> FloatArray:
@@ -132,7 +133,7 @@ class Theta(Dynamic):
 
         def made() -> FloatArray:
             if not any(isinstance(load, Follower) for load in model.loads):
-                return theta * load_at(model, state, h) + (1 - theta) * load_at(model, state, 0.0)
+                return weighted_sum(theta, load_at(model, state, h), 1 - theta, load_at(model, state, 0.0))
             x = model.advance(state.x, h * theta * state.v)
             return theta * model.load(state.t + h, x) + (1 - theta) * model.load(state.t, x)
 
@@ -167,7 +168,7 @@ class Theta(Dynamic):
             middle = self.detection_configuration(model, before)
             v0 = self.velocity_before(model, before)
             v1 = model.keep_momentum(after.v, model.rigid_mass(after.x), middle)
-            return v0, v1, theta * v1 + (1 - theta) * v0
+            return v0, v1, weighted_sum(theta, v1, 1 - theta, v0)
 
         def of_motion() -> FloatArray:
             v0, v1, v = velocities()
@@ -176,7 +177,7 @@ class Theta(Dynamic):
             if model.following:
                 load = load + pushing(model, before.x + theta * (after.x - before.x), self.when(before))
             turned = [0.0 if x is y else (x - y) @ M for x, y, M in ((before.v, v0, M0), (after.v, v1, M1))]
-            works = v @ load, v @ (theta * M1 + (1 - theta) * M0), (v1 - v0) @ (M1 - M0), *turned, v @ support
+            works = v @ load, v @ weighted_sum(theta, M1, 1 - theta, M0), (v1 - v0) @ (M1 - M0), *turned, v @ support
             return np.array([before.v @ M0, after.v @ M1, *works])
 
         def of_contact() -> FloatArray:

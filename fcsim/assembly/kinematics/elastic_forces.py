@@ -13,7 +13,7 @@ from fcsim.arrays import FloatArray, IntArray
 from fcsim.assembly.forms.rotations import polar_rotation
 from fcsim.assembly.groups import Group
 from fcsim.assembly.kinematics.frames import FloatingGroup, Frames, Turned
-from fcsim.assembly.shares.ranges import BodyRanges
+from fcsim.assembly.kinematics.ranges import BodyRanges
 from fcsim.linear.sparse._vectors_kernels import blended
 from fcsim.linear.sparse.each import times_each
 
@@ -124,7 +124,7 @@ class ElasticForces:
     ) -> FloatArray:
         """Forces F (n_dofs,) [N] = D^T K (share y_1 + (1 - share) y_0 + beta D v) between two configurations, see `frames`;
         K (share x_1 + ...) of linear bodies. v (n_dofs,) [m/s], None: without damping. less: w F - s T K T^T x instead."""
-        total = np.zeros_like(first.x)
+        total = self._blank(first.x)
         for floating, a, b in zip(self._floating, first.frames, last.frames, strict=True):
             if floating is not None and a is not None and b is not None:
                 floating.force((a, b), share, self.beta, v, less, total)
@@ -139,6 +139,14 @@ class ElasticForces:
             group.put(total, times_each(group.K, x), some)
 
         self._of_linear("elastic forces", between, total)
+        return total
+
+    def _blank(self, x: FloatArray) -> FloatArray:
+        """What groups of linear materials write to, like x (n_dofs,): zero where none of them does."""
+        if len(self.groups) < len(self._all):
+            return np.zeros_like(x)
+        total = np.empty_like(x)
+        total[self._elastic :] = 0.0
         return total
 
     def _of_linear(self, what: str, work: Callable[[Group, IntArray], None], total: FloatArray) -> None:
@@ -159,7 +167,7 @@ class ElasticForces:
 
     def stiffness_times(self, x: FloatArray) -> FloatArray:
         """K x (n_dofs,) of all deformable bodies in the reference configuration, of nonlinear materials their tangents' there."""
-        total = np.zeros_like(x)
+        total = self._blank(x)
 
         def between(edges: IntArray) -> None:
             for group in self._all:

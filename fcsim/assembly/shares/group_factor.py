@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.assembly.groups import Group
 from fcsim.assembly.kinematics._frame_kernels import turned_back, turned_forth
+from fcsim.assembly.kinematics.ranges import BodyRanges
 from fcsim.assembly.layout import BodyLayout
-from fcsim.assembly.shares.ranges import BodyRanges
 from fcsim.assembly.shares.shares import Shares
 from fcsim.errors import InputError
 from fcsim.linear import factors as linear

@@ -48,6 +48,15 @@ def blended(first, x0, x1, share, out):
 
 
 @njit(cache=True, nogil=True)
+def weighted_sum(a, x, b, y):
+    """a x + b y (n,) in one pass, as NumPy rounds it."""
+    out = np.empty(len(x))
+    for i in range(len(x)):
+        out[i] = a * x[i] + b * y[i]
+    return out
+
+
+@njit(cache=True, nogil=True)
 def columns_of(first, some, x, out):
     """out (k, nb): x[first[b] + some[p]] at [p, b]; some (k,)."""
     for p in range(len(some)):

@@ -13,8 +13,8 @@ from unittest.mock import patch
 
 import numpy as np
 
+from fcsim.assembly.kinematics import ranges
 from fcsim.assembly.model import build_model
-from fcsim.assembly.shares import ranges
 from fcsim.assembly.supports import Support
 from fcsim.contact_detection import Detector, Everything, ExactContacts, SurfacePair, node_to_segment
 from fcsim.contact_detection.surfaces.model_surfaces import contact_surface
