@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 
-from fcsim.arrays import FloatArray
+from fcsim.arrays import BoolArray, FloatArray
 from fcsim.linear.sparse import _columns_kernels as kernels
-from fcsim.linear.sparse.columns import times, transposed_times
+from fcsim.linear.sparse.columns import normals_of_some, times, transposed_times
 from fcsim.ranks import in_parts, world
 
 CONTACTS_FROM = 3000
@@ -41,3 +41,21 @@ def times_by_ranks(A: sp.sparray | FloatArray, x: FloatArray) -> FloatArray:
 
     in_parts("H r", len(product), 0, multiply, product)
     return product
+
+
+def normals_by_ranks(
+    A: sp.csr_array | sp.csc_array, weight: FloatArray, some: BoolArray, step: int
+) -> tuple[FloatArray, FloatArray, BoolArray]:
+    """As `normals_of_some`, each rank of some columns; all ranks must ask."""
+    if world() is None or not isinstance(A, sp.csc_array):
+        return normals_of_some(A, weight, some, step)
+    count = A.shape[1] // step
+    whole, others, touched = np.empty(count), np.empty(count), np.empty(count, dtype=np.bool_)
+
+    def sums(begin: int, end: int) -> None:
+        own = A.indptr[step * begin : step * end + 1]
+        found = kernels.squares_of_touched(own, A.indices, A.data, weight, some, step, end - begin)
+        whole[begin:end], others[begin:end], touched[begin:end] = found
+
+    in_parts("normals", count, CONTACTS_FROM, sums, whole, others, touched)
+    return whole, others, touched
