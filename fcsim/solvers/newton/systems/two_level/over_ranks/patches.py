@@ -66,8 +66,14 @@ def patched_over_ranks(
     solver = solvers_of(patches, counts)
     mine = np.flatnonzero(solver == world.number)
     sizes = (d * counts) ** 2 * (solver[:, None] != np.arange(world.size))  # that are sent (patches, ranks)
-    with layout.together("patches of joints"):
-        given = _joined([W.own_part(patches[p][places[p][world.number]]) for p in np.flatnonzero(sizes[:, world.number]).tolist()])
+    sent = np.flatnonzero(sizes[:, world.number])
+
+    def part(p: int) -> FloatArray:
+        return W.own_part(patches[p][places[p][world.number]])
+
+    with layout.together("patches of joints"):  # a rank that sends less makes its own patches' meanwhile
+        parts = side_by_side([partial(part, p) for p in (*sent.tolist(), *mine.tolist())])
+        given, parts = _joined(parts[: len(sent)]), parts[len(sent) :]
     with world.unasked("patches of joints"):
         received = world.gathered(given, sizes.sum(axis=0)) if sizes.any() else given
         begins = np.cumsum(sizes.T.ravel()).reshape(sizes.T.shape).T - sizes  # in what is received (patches, ranks)
@@ -78,7 +84,7 @@ def patched_over_ranks(
                 p, own = mine[i], patches[mine[i]]
                 shares = [received[at : at + size] for at, size in zip(begins[p], sizes[p], strict=True)]
                 here = places[p][world.number]
-                W_own = _summed(W.own_part(own[here]), here, shares, places[p], len(own), d)
+                W_own, parts[i] = _summed(parts[i], here, shares, places[p], len(own), d), np.empty(0)
                 answers[i] = solved(W_own, u[own], r[own], mu[own], rho[own], weight[own]) - r[own]
 
         side_by_side([partial(solve, begin, end) for begin, end in pieces(len(mine), 1)])
