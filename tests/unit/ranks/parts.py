@@ -9,7 +9,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from fcsim.linear.sparse.by_ranks import CONTACTS_FROM, times_by_ranks, transposed_times_by_ranks
-from fcsim.ranks import alone, in_parts, largest, sharing
+from fcsim.ranks import World, alone, in_parts, largest, sharing
 
 
 def digest(array: np.ndarray) -> str:
@@ -66,13 +66,31 @@ def looked_at() -> list[float]:
     return [float(a) for least in (1, 1001) for a in largest("rows", 1000, least, lambda i, j: np.array([x[i:j].max(), -x[i:j].min()]))]
 
 
+def sent(world: World | None) -> bool:
+    """Whether each rank gets what the others send to it alone: of number i to j i + 2 j numbers 10 i + j."""
+    if world is None:
+        return True
+    k = np.arange(world.size)
+    lengths = k[:, None] + 2 * k
+    own = np.repeat(10 * world.number + k, lengths[world.number])
+    return np.array_equal(world.exchanged(own, lengths), np.repeat(10 * k + world.number, lengths[:, world.number]))
+
+
 def main(folder: Path) -> None:
     with sharing() as world:
         number = 0 if world is None else world.number
         rows, few, several = made(1001, 1), made(1001, 1002), made(2, 1)
         with alone():
             by_itself = made(1001, 1)
-        found = {"rows": rows, "few": few, "several": several, "alone": by_itself, "products": products(), "largest": looked_at()}
+        found = {
+            "rows": rows,
+            "few": few,
+            "several": several,
+            "alone": by_itself,
+            "products": products(),
+            "largest": looked_at(),
+            "sent": sent(world),
+        }
         (folder / f"{number}.json").write_text(json.dumps(found), encoding="utf-8")
 
 
