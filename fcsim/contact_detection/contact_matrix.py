@@ -10,10 +10,6 @@ from fcsim.assembly.model import Model
 from fcsim.contact_detection._contact_matrix_kernels import fill_contact_matrix, fill_on_bodies, starts_of_columns, starts_on_bodies
 from fcsim.contact_detection.contacts import Contacts
 from fcsim.errors import InputError
-from fcsim.ranks import in_pieces, world
-
-SHARED_FROM = 5000
-"""Contacts from which each rank fills the columns of some: those of as many take a millisecond, exchanging them a quarter of one."""
 
 
 def contact_matrix(contacts: Contacts, n_nodes: int) -> csc_array:
@@ -51,18 +47,7 @@ def contact_matrix_of_bodies(contacts: Contacts, model: Model, x: FloatArray) ->
     indptr = starts.astype(index)
     data, rows = np.empty(size), np.empty(size, dtype=index)
 
-    def fill(begin: int, end: int) -> None:
-        i, j = np.searchsorted(begins, (begin, end))
-        own = slice(i, j)
-        given = contacts.nodes[own], contacts.weights[own], contacts.frame[own]
-        fill_on_bodies(*given, elastic, body, arm, rigid.size, indptr[d * i : d * j + 1], rows, data)
-
-    begins, ranks = indptr[::d], world()  # of each contact's entries
-    if ranks is None or len(contacts) < SHARED_FROM:
-        fill_on_bodies(contacts.nodes, contacts.weights, contacts.frame, elastic, body, arm, rigid.size, indptr, rows, data)
-    else:
-        ends = begins[[len(contacts) * k // ranks.size for k in range(ranks.size + 1)]].tolist()
-        in_pieces("contact matrix", ends, fill, rows, data)
+    fill_on_bodies(contacts.nodes, contacts.weights, contacts.frame, elastic, body, arm, rigid.size, indptr, rows, data)
     matrix = csc_array((data, rows, indptr), shape=(model.n_dofs, d * len(contacts)))
     matrix.has_canonical_format = True
     return matrix

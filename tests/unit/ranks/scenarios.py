@@ -8,7 +8,6 @@ import json
 import sys
 from collections.abc import Callable
 from dataclasses import replace
-from importlib import import_module
 from pathlib import Path
 from unittest.mock import patch
 
@@ -159,8 +158,7 @@ def seen(build: Callable[[], Simulation]) -> dict[str, object]:
 
 if __name__ == "__main__":
     # what ranks share out of large models only
-    columns = import_module("fcsim.contact_detection.contact_matrix")  # the room gives this name to a function of it
-    for module in (columns, energy, node_to_segment, ranges, reactions):
+    for module in (energy, node_to_segment, ranges, reactions):
         module.SHARED_FROM = 0
     by_ranks.CONTACTS_FROM = look_ahead.DOFS_FROM = 0
     with sharing() as ranks:

@@ -75,9 +75,11 @@ def patched_over_ranks(
     def given_part(p: int) -> FloatArray:
         return lower(part(p))
 
-    with layout.together("patches of joints"):  # a rank that sends less makes its own patches' meanwhile
+    most = sizes.sum(axis=0).max() - sizes[:, world.number].sum()  # a rank that sends less makes parts of its own patches meanwhile
+    early = np.count_nonzero(np.cumsum((d * counts[mine, world.number]) ** 2 // 2) <= most)
+    with layout.together("patches of joints"):
         given = _joined(side_by_side([partial(given_part, p) for p in sent.tolist()]))
-        parts = side_by_side([partial(part, p) for p in mine.tolist()])
+        parts = side_by_side([partial(part, p) for p in mine[:early].tolist()])
     with world.unasked("patches of joints"):
         lengths = sizes.T @ (solver[:, None] == np.arange(world.size))
         received = world.exchanged(given, lengths) if sizes.any() else given
@@ -89,7 +91,7 @@ def patched_over_ranks(
                 p, own = mine[i], patches[mine[i]]
                 shares = [received[at : at + size] for at, size in zip(begins[i], sizes[p], strict=True)]
                 here = places[p][world.number]
-                W_own, parts[i] = _summed(parts[i], here, shares, places[p], len(own), d), np.empty(0)
+                W_own = _summed(parts[i] if i < early else part(p), here, shares, places[p], len(own), d)
                 answers[i] = solved(W_own, u[own], r[own], mu[own], rho[own], weight[own]) - r[own]
 
         side_by_side([partial(solve, begin, end) for begin, end in pieces(len(mine), 1)])
