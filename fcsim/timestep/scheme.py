@@ -199,10 +199,7 @@ class Dynamic(ABC):
     def velocity_before(self, model: Model, state: State) -> FloatArray:
         """v (n_dofs,) of the state's momentum in the detection configuration."""
 
-        def made() -> FloatArray:
-            return model.keep_momentum(state.v, model.rigid_mass(state.x), self.detection_configuration(model, state))
-
-        return state.kept(("velocity before", self.h), model, made)
+        return model.keep_momentum(state.v, model.rigid_mass(state.x), self.detection_configuration(model, state))
 
     def rigid_mass(self, model: Model, state: State, load: FloatArray) -> FloatArray:
         return model.rigid_mass(self.detection_configuration(model, state))

@@ -25,7 +25,7 @@ from fcsim.mesh.exact.rigid_shapes import rigid_plane, rigid_sphere
 from fcsim.mesh.material import Material
 from fcsim.mesh.material.plastic import Plastic
 from fcsim.mesh.part import Body
-from fcsim.ranks import alone, sharing
+from fcsim.ranks import alone, sharing, writes
 from fcsim.running.case import load_case
 from fcsim.running.parameters import parse_parameters
 from fcsim.timestep import energy
@@ -130,6 +130,15 @@ SCENARIOS: dict[str, Callable[[], Simulation]] = {
 }
 
 
+def ask_alone(simulation: Simulation, v: np.ndarray) -> None:
+    """Products with A are kept: what one rank asks for alone must not have it ask the others again, which wait for other things."""
+    simulation.factor.apply(v)
+    if writes():
+        with alone():
+            simulation.factor.apply(v + 1.0)
+    simulation.factor.apply(v)
+
+
 def seen(build: Callable[[], Simulation]) -> dict[str, object]:
     """What a simulation computes: of every step its contacts, statuses, sub-steps and energy, and of all numbers a digest; the owners of
     its bodies."""
@@ -151,6 +160,7 @@ def seen(build: Callable[[], Simulation]) -> dict[str, object]:
             with alone():  # as what rank 0 writes
                 assert np.array_equal(step.reduction.velocity(step.result.r)[0], step.result.v) or step.linked is not None
                 assert step.last_energy().residual == balance.residual or step.substeps > 1
+            ask_alone(simulation, step.state.v)
             take(step)
     shares = simulation.model.shares
     return {"steps": steps, "digest": digest.hexdigest(), "owners": [] if shares is None else shares.owner.tolist()}
