@@ -13,6 +13,9 @@ from fcsim.ranks import in_parts, world
 CONTACTS_FROM = 3000
 """Contacts from which ranks share work on them: a product with H^T of as many takes a third of a millisecond, exchanging it a tenth."""
 
+NORMALS_FROM = 20_000
+"""The same of sums over the squares of the normals' columns: of as many a millisecond, and three exchanges."""
+
 
 def transposed_times_by_ranks(A: sp.sparray | FloatArray, x: FloatArray) -> FloatArray:
     """A^T x (m,) as `transposed_times`; all ranks must ask."""
@@ -57,5 +60,5 @@ def normals_by_ranks(
         found = kernels.squares_of_touched(own, A.indices, A.data, weight, some, step, end - begin)
         whole[begin:end], others[begin:end], touched[begin:end] = found
 
-    in_parts("normals", count, CONTACTS_FROM, sums, whole, others, touched)
+    in_parts("normals", count, NORMALS_FROM, sums, whole, others, touched)
     return whole, others, touched

@@ -13,8 +13,8 @@ from fcsim.contact_detection.contacts import Contacts
 from fcsim.ranks import in_parts
 from fcsim.timestep.reactions._carry_kernels import carry
 
-SHARED_FROM = 5000
-"""Contacts from which ranks share: as many take a tenth of a millisecond, as an exchange does."""
+SHARED_FROM = 20_000
+"""Contacts from which ranks share: as many take half a millisecond, an exchange a tenth."""
 
 _SAME_WAY = 0.5
 """Cosine between a contact's normals before and after some motion; where it is less the contact is another one, of the far side."""
@@ -38,17 +38,18 @@ class Reactions:
         """
         d = contacts.dimension
         r, place = np.zeros((len(contacts), d if rows is None else rows)), np.empty(len(contacts), dtype=np.int64)
+        moments = min(r.shape[1], self.r.shape[1]) > 3
 
         def some(begin: int, end: int) -> None:
             own = slice(begin, end)
             place[own] = carry(self.identity, self.frame, self.r, contacts.identity[own], contacts.frame[own], r[own])
 
-        in_parts("reactions of earlier steps", len(contacts), SHARED_FROM, some, r, place)
-        if min(r.shape[1], self.r.shape[1]) > 3:
+        in_parts("reactions of earlier steps", len(contacts), SHARED_FROM, some, r, *([place] if moments else []))
+        if moments:
             known = np.flatnonzero(place >= 0)
             old = place[known]
-            frame, before, moments = contacts.frame[known], self.frame[old], self.r[old, 3:5]
-            r[known, 3:5] = moments if d == 2 else np.einsum("aij,akj,ak->ai", frame[:, 1:], before[:, 1:], moments)
+            frame, before, rolling = contacts.frame[known], self.frame[old], self.r[old, 3:5]
+            r[known, 3:5] = rolling if d == 2 else np.einsum("aij,akj,ak->ai", frame[:, 1:], before[:, 1:], rolling)
             if min(r.shape[1], self.r.shape[1]) > 5:
                 r[known, 5] = self.r[old, 5]
         return r.ravel()
