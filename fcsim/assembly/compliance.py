@@ -7,21 +7,22 @@ one. The compliance of a block on its contact dofs is formed once; from them eac
 from __future__ import annotations
 
 import copy
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager, nullcontext
-from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
 
 from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.assembly.body_factors import BodyFactors
-from fcsim.assembly.kinematics.turned_matrix import TurnedMatrix
 from fcsim.assembly.model import Model
 from fcsim.assembly.rigid import turned_matrices
-from fcsim.assembly.shares.group_factor import GroupFactor, own_surface
+from fcsim.assembly.shares.group_factor import GroupFactor, own_surface, solved_by_each
 from fcsim.assembly.shares.shares import Shares, runs
+from fcsim.assembly.whole.elastic_matrix import ElasticMatrix, joined
 from fcsim.errors import InputError
+from fcsim.linear.sparse._vectors_kernels import weighted_sum
+from fcsim.ranks import partners, world
 
 
 class SystemFactor:
@@ -45,7 +46,7 @@ class SystemFactor:
         if not mass and model.rigid_free.any():
             body = model.rigid[int(np.argmax(model.rigid_free.any(axis=1)))]
             raise InputError(f"rigid body {body.name!r}: it is free to move and has no mass in statics; hold it, or add its mass")
-        self._elastic = _ElasticMatrix(model, mass, stiffness)
+        self._elastic = ElasticMatrix(model, mass, stiffness)
         self.places = self._bodies_of_dofs()
         self.rotation: FloatArray | None = None
         self._where: dict[Shares, tuple[IntArray, IntArray]] = {}  # of this factor and all that follow from it
@@ -156,14 +157,18 @@ class SystemFactor:
         if self._matrix is None:
             plain = self.rotation is None and not self.nonlinear_groups
             rigid = self._rigid_block()
-            self._matrix = _joined(self._elastic.block, rigid) if plain else self._elastic.at(self.rotation, self._blocks(), rigid)
+            self._matrix = joined(self._elastic.block, rigid) if plain else self._elastic.at(self.rotation, self._blocks(), rigid)
         return self._matrix
 
     def product(self, v: FloatArray) -> FloatArray:
         """Return `matrix()` v for v (n,) on the problems' unknowns, without that matrix."""
         model = self.model
-        moved = np.zeros(model.n_dofs)
-        moved[model.free_dofs] = v if model.driven == "eliminated" else v[model.free_dofs]
+        if model.driven == "eliminated":
+            moved = np.zeros(model.n_dofs)
+            moved[model.free_dofs] = v
+        else:
+            moved = v.copy()
+            moved[model.driven_dofs] = 0.0
         y = model.along(self.apply(model.world(moved)))
         if model.driven == "eliminated":
             return y[model.free_dofs]
@@ -193,9 +198,9 @@ class SystemFactor:
 
     def apply(self, v: FloatArray) -> FloatArray:
         """Return A v (n_dofs,) over all dofs in world axes, driven ones as they are."""
-        y = self.mass * self.model.apply_mass(v, self.rigid_mass)
-        if self.stiffness and np.any(v[: self.model.n_elastic]):
-            y += self.stiffness * self._stiffness_times(v)
+        y = self.model.apply_mass(v, self.rigid_mass)
+        moved = self.stiffness and np.any(v[: self.model.n_elastic])
+        y = weighted_sum(self.mass, y, self.stiffness, self._stiffness_times(v)) if moved else self.mass * y
         return y + self.apply_tangents(v) if self.nonlinear_groups else y
 
     def _stiffness_times(self, v: FloatArray) -> FloatArray:
@@ -206,7 +211,9 @@ class SystemFactor:
             linear = self.model.apply_stiffness(v) if self.rotation is None else turned(self.rotation, v)
             for bodies in self.nonlinear_groups:
                 linear[bodies.dofs] = 0
-            self._last_product = last = own.copy(), linear
+            last = own.copy(), linear
+            if world() is partners():  # what one rank alone keeps it would not come to exchange, where the others wait
+                self._last_product = last
         return last[1]
 
     def apply_tangents(self, v: FloatArray) -> FloatArray:
@@ -226,30 +233,27 @@ class SystemFactor:
         return self._solve_all(rhs)
 
     def _solve_all(self, rhs: FloatArray) -> FloatArray:
-        x, shares = rhs.copy(), self.model.shares
-        spread = [group for group in self._groups if isinstance(group, GroupFactor) and group.over_ranks and shares is not None]
+        x, shares, ranges = rhs.copy(), self.model.shares, self.model.elastic.ranges
+        linear = [group for group in self._groups if isinstance(group, GroupFactor)]
+        spread = [group for group in linear if group.over_ranks and shares is not None]
+        each = solved_by_each(linear, ranges, rhs, self.rotation, x, shares)
         with self._section("solutions"):
             for group in self._groups:
                 if isinstance(group, BodyFactors):
                     own = self._own(group.members)
                     dofs = group.dofs[own][:, group.free]
                     x[dofs] = group.solve(rhs[dofs], own)
-                elif shares is None or (group not in spread and self._solves(group, shares)):
-                    group.solve(rhs, self.rotation, x)
+                elif shares and group not in spread + each and shares.solver(group.members) == shares.world.number:
+                    group.solve(rhs, self.rotation, x, ranges.cuts(group.first, ranges.edges))
         if shares is not None and len((where := self._solved_where(shares))[0]):
             dofs, counts = where
             begin = int(counts[: shares.world.number].sum())
             x[dofs] = shares.world.gathered(x[dofs[begin : begin + counts[shares.world.number]]], counts)
         for group in spread:
-            group.solve(rhs, self.rotation, x)
+            group.solve(rhs, self.rotation, x, (0, len(group.first)))
         rigid, free = self.model.rigid_part(x), self.model.rigid_free
         rigid[free] = np.einsum("aij,aj->ai", self._rigid_inverse, self.model.rigid_part(rhs))[free]
         return x
-
-    @staticmethod
-    def _solves(group: GroupFactor, shares: Shares) -> bool:
-        """Whether this rank solves for the bodies of a group of linear material."""
-        return group.everyones or shares.solver(group.members) == shares.world.number
 
     def _solved_where(self, shares: Shares) -> tuple[IntArray, IntArray]:
         """See `Shares.solved_where`: of the bodies that some ranks solve for and others do not."""
@@ -287,64 +291,3 @@ class SystemFactor:
         count = len(self._rigid_inverse)
         own = self._own(np.arange(len(self.model.bodies) - count, len(self.model.bodies)))
         yield from runs(begin, self._rigid_inverse, np.where(own, np.arange(count), -1))
-
-
-class _ElasticMatrix:
-    """The deformable bodies' block of A on the problems' unknowns, made where it is asked for."""
-
-    def __init__(self, model: Model, mass: float, stiffness: float) -> None:
-        self._model, self._mass, self._stiffness = model, mass, stiffness
-
-    def at(self, rotation: FloatArray | None, blocks: Mapping[int, FloatArray], rigid: sp.csr_array) -> sp.csr_array:
-        """The block with the bodies turned by rotation (n_deformable, d, d), None: not, and the blocks of nonlinear groups; after it that
-        of the rigid bodies."""
-        if self._axes is None:
-            return self._own.at(rotation, blocks, rigid)
-        A = self._own.at(rotation, blocks, sp.csr_array((0, 0)))
-        return _joined(self._restricted(self._axes @ A @ self._axes.T), rigid)
-
-    @cached_property
-    def _own(self) -> TurnedMatrix:
-        """Where supports have axes of their own, of all dofs in world axes."""
-        model = self._model
-        if self._axes is None:
-            return TurnedMatrix(model.groups, self._mass, self._stiffness, self._free, model.driven == "eliminated")
-        return TurnedMatrix(model.groups, self._mass, self._stiffness, np.ones_like(self._free), False)
-
-    @cached_property
-    def _axes(self) -> sp.csr_array | None:
-        axes = self._model.held.axes
-        return None if axes is None else axes.matrix(0, self._model.n_elastic)
-
-    @property
-    def _free(self) -> BoolArray:
-        free = np.ones(self._model.n_elastic, dtype=bool)
-        free[self._model.driven_dofs[self._model.driven_dofs < len(free)]] = False
-        return free
-
-    @cached_property
-    def block(self) -> sp.csr_array:
-        n = self._model.n_elastic
-        A = self._model.matrix(self._mass, self._stiffness)[:n, :n]
-        return self._restricted(A if self._axes is None else self._axes @ A @ self._axes.T)
-
-    def _restricted(self, A: sp.csr_array) -> sp.csr_array:
-        free = self._free.astype(float)
-        if self._model.driven == "eliminated":
-            return sp.csr_array(A[free > 0][:, free > 0])
-        A = sp.csr_array(sp.diags_array(free) @ A @ sp.diags_array(free) + sp.diags_array(1 - free))
-        A.eliminate_zeros()
-        return A
-
-
-def _joined(first: sp.csr_array, second: sp.csr_array) -> sp.csr_array:
-    """diag(first, second) of two csr_arrays as one."""
-    n = first.shape[0]
-    return sp.csr_array(
-        (
-            np.concatenate([first.data, second.data]),
-            np.concatenate([first.indices, second.indices + n]),
-            np.concatenate([first.indptr, first.indptr[-1] + second.indptr[1:]]),
-        ),
-        shape=(n + second.shape[0], n + second.shape[0]),
-    )

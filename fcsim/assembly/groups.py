@@ -108,15 +108,21 @@ class Group:
         """Degrees of freedom (nb, n_part)."""
         return self.first[:, None] + np.arange(self.size)
 
-    def rows(self, x: FloatArray) -> FloatArray:
-        """x[dofs] (nb, n_part) of x (n_dofs,)."""
-        own = np.empty((len(self.first), self.size))
-        rows_of(self.first, x, own)
+    def between(self, begin: int, end: int) -> IntArray:
+        """First dofs (k,) of the bodies whose dofs are among begin, ..., end - 1."""
+        i, j = np.searchsorted(self.first, (begin, end))
+        return self.first[i:j]
+
+    def rows(self, x: FloatArray, first: IntArray | None = None) -> FloatArray:
+        """x[dofs] (nb, n_part) of x (n_dofs,); first (k,): of some bodies alone."""
+        first = self.first if first is None else first
+        own = np.empty((len(first), self.size))
+        rows_of(first, x, own)
         return own
 
-    def put(self, x: FloatArray, rows: FloatArray) -> None:
-        """x[dofs] = rows (nb, n_part), x (n_dofs,)."""
-        put_rows(self.first, rows, x)
+    def put(self, x: FloatArray, rows: FloatArray, first: IntArray | None = None) -> None:
+        """x[dofs] = rows (nb, n_part), x (n_dofs,); first (k,): of some bodies alone."""
+        put_rows(self.first if first is None else first, rows, x)
 
 
 def rotated[A: (sp.csr_array, RowsOverRanks)](operator: A, rotation: FloatArray) -> A:

@@ -292,3 +292,11 @@ def nodal_area(layout: BodyLayout, body: str, surface: str) -> FloatArray:
     along = np.eye(layout.dimension)[0]
     area[first : first + len(owner.part.points)] = elasticity.traction(owner.part, surface, along)[:: layout.dimension]
     return area
+
+
+def weight(of_units: FloatArray, g: FloatArray) -> FloatArray:
+    """M g (n_dofs,) [N] of gravity g (d,) [m/s^2] from M e, of_units (d, n_dofs) [kg], of the accelerations 1 along each axis; g is along
+    one of these mostly."""
+    along = np.flatnonzero(g)
+    force: FloatArray = g[along[0]] * of_units[along[0]] if len(along) == 1 else g @ of_units
+    return force

@@ -21,7 +21,7 @@ from fcsim.assembly.inner_forces import NonlinearBodies
 from fcsim.assembly.kinematics.elastic_forces import ElasticForces
 from fcsim.assembly.kinematics.following import FollowingLoads, When, following_loads
 from fcsim.assembly.layout import DIRECTIONS, BodyLayout, in_order
-from fcsim.assembly.loads import Follower, Load, factor_at, load_vector, turned
+from fcsim.assembly.loads import Follower, Load, factor_at, load_vector, turned, weight
 from fcsim.assembly.rigid import RigidBodies, inverse_on, turned_matrices
 from fcsim.assembly.shares.shares import Shares, shares_of
 from fcsim.assembly.supports import DrivenRotation, HeldDofs, Support, held_dofs
@@ -170,22 +170,18 @@ class Model(BodyLayout):
 
     def apply_stiffness(self, x: FloatArray) -> FloatArray:
         """Return K x (n_dofs,) [N], K of the reference configuration (of nonlinear materials their tangent there)."""
-        return self._apply("K", x)
+        return self.elastic.stiffness_times(x)
 
     def apply_mass(self, v: FloatArray, rigid_mass: FloatArray | None = None) -> FloatArray:
         """Return M v (n_dofs,) [N s]; rigid_mass (nr, k, k): that of the configuration, see `rigid_mass` (default: the reference)."""
-        y = self._apply("M", v)
+        y = np.empty_like(v)
+        for group in self.groups:
+            if group.lumped is not None:
+                put_lumped(group.first, group.lumped, v, y)
+            else:
+                group.put(y, times_each(group.M, group.rows(v)))
         rigid_mass = self.rigid_mass() if rigid_mass is None else rigid_mass
         y[self.n_elastic :] = np.einsum("aij,aj->ai", rigid_mass, self.rigid_part(v)).ravel()
-        return y
-
-    def _apply(self, operator: Literal["K", "M"], x: FloatArray) -> FloatArray:
-        y = np.zeros_like(x)
-        for group in self.groups:
-            if operator == "M" and group.lumped is not None:
-                put_lumped(group.first, group.lumped, x, y)
-            else:
-                group.put(y, times_each(getattr(group, operator), group.rows(x)))
         return y
 
     def matrix(self, mass: float, stiffness: float) -> sp.csr_array:
@@ -247,7 +243,7 @@ class Model(BodyLayout):
     def load(self, t: float, x: FloatArray | None = None) -> FloatArray:
         """External forces (n_dofs,) [N] at time t: gravity and the loads; followers of rigid bodies as they stand at x (default: the
         reference). Without what follows deformable bodies, which is part of what a step solves for: see `following`."""
-        force = np.zeros(self.n_dofs) if self.gravity is None else self.gravity_at(t) @ self._weight_of_units
+        force = np.zeros(self.n_dofs) if self.gravity is None else weight(self._weight_of_units, self.gravity_at(t))
         for load, vector in zip(self.loads, self._load_vectors, strict=True):
             if any(load is other for other in self.following.loads):
                 continue
@@ -262,7 +258,8 @@ class Model(BodyLayout):
 
     def positions(self, x: FloatArray) -> FloatArray:
         """Nodes (n_nodes, d) [m] in the configuration x (n_dofs,)."""
-        return self.reference + self.node_displacement(x)
+        moved = self.node_displacement(x)
+        return np.add(self.reference, moved, out=moved)
 
     def node_displacement(self, x: FloatArray) -> FloatArray:
         """Displacement (n_nodes, d) [m] of all nodes, those of rigid bodies included."""

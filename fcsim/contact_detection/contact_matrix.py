@@ -46,6 +46,7 @@ def contact_matrix_of_bodies(contacts: Contacts, model: Model, x: FloatArray) ->
     index = np.int32 if max(d * model.n_nodes, d * len(contacts), size) < np.iinfo(np.int32).max else np.int64
     indptr = starts.astype(index)
     data, rows = np.empty(size), np.empty(size, dtype=index)
+
     fill_on_bodies(contacts.nodes, contacts.weights, contacts.frame, elastic, body, arm, rigid.size, indptr, rows, data)
     matrix = csc_array((data, rows, indptr), shape=(model.n_dofs, d * len(contacts)))
     matrix.has_canonical_format = True

@@ -24,7 +24,7 @@ from fcsim.ranks import World, world
 ROUND = 1e-9  # distances that differ by less, relative to the facet size, are equal
 _PARALLEL = 0.99
 
-SHARED_FROM = 100_000
+SHARED_FROM = 30_000
 """Possible pairs from which ranks share them out."""
 
 VALLEY = 3
@@ -107,11 +107,14 @@ class NodeToSegment:
         own = slice(cuts[ranks.number], cuts[ranks.number + 1])
         with ranks.together("contacts"):
             found = self._nearest(now, candidate[own], facet[own])
-            rows = np.column_stack(found)
-        widths = [1 if array.ndim == 1 else array.shape[1] for array in found]
-        counts = ranks.gathered(np.array([rows.size]), np.ones(ranks.size, dtype=np.int64))
-        every = np.split(ranks.gathered(rows.ravel(), counts).reshape(-1, sum(widths)), np.cumsum(widths)[:-1], axis=1)
-        return Feet._make(part.reshape(-1, *array.shape[1:]).astype(array.dtype) for part, array in zip(every, found, strict=True))
+        counts = ranks.gathered(np.array([len(found.candidate)]), np.ones(ranks.size, dtype=np.int64))
+        begin, every = int(counts[: ranks.number].sum()), []
+        for array in found:
+            whole = np.empty((int(counts.sum()), *array.shape[1:]), dtype=array.dtype)
+            whole[begin : begin + len(array)] = array
+            ranks.complete(whole, counts.tolist())
+            every.append(whole)
+        return Feet._make(every)
 
     def of_feet(self, feet: Feet) -> tuple[Contacts, IntArray]:
         """The contacts of feet that are sorted by `number`, those of one number in a row, and their pairs."""

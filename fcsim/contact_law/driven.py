@@ -19,7 +19,7 @@ from fcsim.contact_detection.contacts import Contacts
 from fcsim.contact_law.law import Terms
 from fcsim.contact_law.proportions import Proportions
 from fcsim.errors import InputError
-from fcsim.linear.sparse.columns import normals_of_some
+from fcsim.linear.sparse.by_ranks import normals_by_ranks
 
 FREE = 1e-6
 """Of a contact's row along its normal: less of it on free unknowns is none."""
@@ -63,7 +63,7 @@ def moved_by_supports(model: Model, H: sp.sparray, dimension: int, proportions: 
     model.rigid_part(weight)[:, model.dimension :] /= np.where(size > 0, size, 1.0) ** 2
     driven = np.zeros(model.n_dofs, dtype=bool)
     driven[model.driven_dofs] = True
-    whole, free, touched = normals_of_some(rows, weight, driven, dimension)
+    whole, free, touched = normals_by_ranks(rows, weight, driven, dimension)
     return touched & np.asarray(free <= FREE**2 * whole)
 
 

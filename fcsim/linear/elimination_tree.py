@@ -68,7 +68,16 @@ def elimination_tree(indptr: IntArray, indices: IntArray, padding: float, last: 
     """
     joint, size = joints(indptr, indices, last)
     pattern = kernels.quotient(indptr, indices, joint, len(size))
-    order = minimum_degree(*pattern) if last is None else _others_first(pattern[0], pattern[1], np.bincount(joint, weights=last) > 0)
+    order = minimum_degree(*pattern)
+    if last is None:
+        return _tree(pattern, joint, size, order, padding)
+    behind = np.bincount(joint, weights=last) > 0  # ordered with the others, or without them: which has less fill the graph decides
+    orders = np.concatenate([order[~behind[order]], order[behind[order]]]), _others_first(pattern[0], pattern[1], behind)
+    return min((_tree(pattern, joint, size, order, padding) for order in orders), key=lambda tree: tree.flops(1))
+
+
+def _tree(pattern: tuple[IntArray, IntArray], joint: IntArray, size: IntArray, order: IntArray, padding: float) -> EliminationTree:
+    """The fronts where joints go in this order, or in one of the same fill."""
     order = order[kernels.postorder(kernels.elimination_tree(*pattern, order))]
     parent = kernels.elimination_tree(*pattern, order)
     starts, rows = kernels.column_structure(*pattern, order, parent)

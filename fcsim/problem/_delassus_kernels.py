@@ -61,6 +61,24 @@ def merge(a, count, b, union):
 
 
 @njit(cache=True, nogil=True)
+def of_one_pattern(indptr, indices, d, some):
+    """Of each of `some` contacts (k,) whether its d columns of H have entries in the same rows, ascending (k,)."""
+    found = np.empty(len(some), dtype=np.bool_)
+    for a in range(len(found)):
+        c = d * some[a]
+        begin, n, same = indptr[c], indptr[c + 1] - indptr[c], True
+        for i in range(1, d):
+            same = same and indptr[c + i + 1] - indptr[c + i] == n
+        for k in range(n if same else 0):
+            row = indices[begin + k]
+            same = same and (k == 0 or row > indices[begin + k - 1])
+            for i in range(1, d):
+                same = same and indices[begin + i * n + k] == row
+        found[a] = same
+    return found
+
+
+@njit(cache=True, nogil=True)
 def bodies_of_contacts(indptr, indices, body, d):
     """The bodies (nc, 2) of each contact, ascending, -1 where it has one alone or none, and whether some contact has more.
 
@@ -68,9 +86,10 @@ def bodies_of_contacts(indptr, indices, body, d):
     """
     nc = (len(indptr) - 1) // d
     bodies, more = np.full((nc, 2), -1), False
+    alike = of_one_pattern(indptr, indices, d, np.arange(nc))
     for a in range(nc):
         first = second = last = -1
-        for e in range(indptr[d * a], indptr[d * a + d]):
+        for e in range(indptr[d * a], indptr[d * a + (1 if alike[a] else d)]):
             b = body[indices[e]]
             if b < 0 or b == last:
                 continue
@@ -86,34 +105,17 @@ def bodies_of_contacts(indptr, indices, body, d):
 
 
 @njit(cache=True, nogil=True)
-def of_one_pattern(indptr, indices, d):
-    """Of each contact whether its d columns of H have entries in the same rows, ascending (nc,)."""
-    found = np.empty((len(indptr) - 1) // d, dtype=np.bool_)
-    for a in range(len(found)):
-        begin, n, same = indptr[d * a], indptr[d * a + 1] - indptr[d * a], True
-        for i in range(1, d):
-            same = same and indptr[d * a + i + 1] - indptr[d * a + i] == n
-        for k in range(n if same else 0):
-            row = indices[begin + k]
-            same = same and (k == 0 or row > indices[begin + k - 1])
-            for i in range(1, d):
-                same = same and indices[begin + i * n + k] == row
-        found[a] = same
-    return found
-
-
-@njit(cache=True, nogil=True)
-def entries_by_body(indptr, indices, data, body, column, count, d):
+def entries_by_body(indptr, indices, data, body, column, count, d, some):
     """Sort the entries of H by bodies: body b is on contacts[first[b]:first[b + 1]], the rest is h as above.
 
-    H (n, d nc) by columns (csc); body (n,): the body of each unknown, of `count`, -1 where it has no share in W; column (n,): its
-    column of h. Returns first (count + 1,), contacts (pairs,), begins (pairs + 1,), unknowns (entries,), weights (entries, 3).
+    H (n, d nc) by columns (csc); body (n,): the body of each unknown, of `count`, -1 where it has no share in W; column (n,): its column of
+    h; some (k,): the contacts that count, numbered by their places here. Returns first (count + 1,), contacts (pairs,), begins (pairs+1,),
+    unknowns (entries,), weights (entries, 3).
     """
-    nc = (len(indptr) - 1) // d
+    nc, alike = len(some), of_one_pattern(indptr, indices, d, some)  # contacts of which one column says which unknowns they are on
     first, last = np.zeros(count + 1, dtype=np.int64), np.zeros(count, dtype=np.int64)  # last[b]: 1 + the last contact that met b
-    alike = of_one_pattern(indptr, indices, d)  # contacts of which one column says which unknowns they are on
     for a in range(nc):
-        for e in range(indptr[d * a], indptr[d * a + (1 if alike[a] else d)]):
+        for e in range(indptr[d * some[a]], indptr[d * some[a] + (1 if alike[a] else d)]):
             b = body[indices[e]]
             if b >= 0 and last[b] <= a:
                 last[b] = a + 1
@@ -125,7 +127,7 @@ def entries_by_body(indptr, indices, data, body, column, count, d):
     pair, used = np.empty(len(indices), dtype=np.int64), np.zeros(count, dtype=np.int64)  # the pair of an entry, the pairs of a body
     met = np.zeros(len(body), dtype=np.int64)  # 1 + the last contact that met an unknown
     for a in range(nc):
-        for e in range(indptr[d * a], indptr[d * a + (1 if alike[a] else d)]):
+        for e in range(indptr[d * some[a]], indptr[d * some[a] + (1 if alike[a] else d)]):
             b = body[indices[e]]
             pair[e] = -1
             if b >= 0:
@@ -143,17 +145,17 @@ def entries_by_body(indptr, indices, data, body, column, count, d):
     free, place = np.zeros(len(contacts), dtype=np.int64), np.empty(len(body), dtype=np.int64)
     for a in range(nc):
         if alike[a]:
-            for e in range(indptr[d * a], indptr[d * a + 1]):
+            for e in range(indptr[d * some[a]], indptr[d * some[a] + 1]):
                 p = pair[e]
                 if p >= 0:
                     at = begins[p] + free[p]
                     unknowns[at] = column[indices[e]]
                     free[p] += 1
                     for i in range(d):
-                        weights[at, i] = data[indptr[d * a + i] + e - indptr[d * a]]
+                        weights[at, i] = data[indptr[d * some[a] + i] + e - indptr[d * some[a]]]
             continue
         for i in range(d):
-            for e in range(indptr[d * a + i], indptr[d * a + i + 1]):
+            for e in range(indptr[d * some[a] + i], indptr[d * some[a] + i + 1]):
                 dof, p = indices[e], pair[e]
                 if p >= 0:
                     if met[dof] <= nc + a:  # none of this contact yet

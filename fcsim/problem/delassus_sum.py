@@ -47,15 +47,25 @@ class DelassusSum:
     """W (m, m) while the bodies' shares are added, dense or by block rows (`fcsim.linear.storage`); values: its entries so far, in one
     array whose order is the contacts' alone; bodies: h by pairs of a body and a contact, see `_delassus_kernels`."""
 
-    def __init__(self, H: sp.sparray, body: IntArray, column: IntArray, count: int, dimension: int, blocks: int | None = None) -> None:
+    def __init__(
+        self,
+        H: sp.sparray,
+        body: IntArray,
+        column: IntArray,
+        count: int,
+        dimension: int,
+        blocks: int | None = None,
+        some: IntArray | None = None,
+    ) -> None:
         """H (n, m) sparse; body (n,): the body of each unknown, of `count`, -1 for one without a share in W; column (n,): which
         unknown of its body's compliance it is. Both are read only where H has entries. blocks: of W, where their number is known: which
-        they are is then found when it is asked for."""
+        they are is then found when it is asked for. some (k,): W of these contacts alone, None: of all."""
         H = H.tocsc()
-        self._m, self._axes = H.shape[1], tuple(range(dimension))
-        self.nc = self._m // dimension
+        some = np.arange(H.shape[1] // dimension) if some is None else some
+        self.nc, self._axes = len(some), tuple(range(dimension))
+        self._m = self.nc * dimension
         self.bodies: tuple[IntArray, IntArray, IntArray, IntArray, FloatArray]
-        self.bodies = entries_by_body(H.indptr, H.indices, H.data, body, column, count, dimension)
+        self.bodies = entries_by_body(H.indptr, H.indices, H.data, body, column, count, dimension, some)
         self._blocks = blocks
 
     @cached_property

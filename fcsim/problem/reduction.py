@@ -25,8 +25,8 @@ from fcsim.linear.late.late_rows import source_of
 from fcsim.linear.singularity import refuse_singular
 from fcsim.linear.small_blocks import small_blocks
 from fcsim.linear.sparse.behind import first_rows
-from fcsim.linear.sparse.by_ranks import transposed_times_by_ranks
-from fcsim.linear.sparse.columns import entries_of_rows, times
+from fcsim.linear.sparse.by_ranks import times_by_ranks, transposed_times_by_ranks
+from fcsim.linear.sparse.columns import entries_of_rows, met_twice_beyond, times
 from fcsim.problem._reduction_kernels import alike_in_contacts, asymmetry, block_of, connected_components, equal_blocks
 from fcsim.problem.bodies.late import LateSum
 from fcsim.problem.bodies.shares import BodyShares, KnownShares
@@ -269,7 +269,7 @@ class Reduction:
 
     def pushed(self, r: FloatArray) -> FloatArray:
         """M^-1 H r (n,), as `unloaded`."""
-        return self.factor.solve(times(self._H, r))
+        return self.factor.solve(times_by_ranks(self._H, r))
 
     def split(self, x: FloatArray) -> tuple[FloatArray, FloatArray | None]:
         """v (n,) and l (p,), None without equality constraints, of a solution x with the factor."""
@@ -278,7 +278,7 @@ class Reduction:
     @limited_threads()
     def answer(self, r: FloatArray) -> Answer:
         """u = H^T v + w with v, l and the momentum residual."""
-        v, multiplier = self.split(self.unloaded + self.factor.solve(impulse := times(self._H, r)))
+        v, multiplier = self.split(self.unloaded + self.factor.solve(impulse := times_by_ranks(self._H, r)))
         u = transposed_times_by_ranks(self.problem.H, v) + self.problem.w
         return Answer(u, v, multiplier, self.momentum_residual(r, v, multiplier, impulse[: self.problem.n]))
 
@@ -296,9 +296,9 @@ def _motion(problem: GlobalForm, W: Matrix) -> Motion | None:
     """H and M behind W, where degrees of freedom are few and no equality constraints couple them; those of bodies that no contact touches
     cost nothing and do not count, nor do those of a spring, which M couples to nothing and one contact unknown alone moves: they are
     compliances of that."""
-    if problem.G is not None:
-        return None
     few = FEW * problem.m
+    if problem.G is not None or met_twice_beyond(problem.H, few):
+        return None
     H: sp.csr_array | sp.csc_array = problem.H if isinstance(problem.H, sp.csc_array) else sp.csr_array(problem.H)
     count = entries_of_rows(H)
     if not 0 < np.count_nonzero(count > 1) <= few and not 0 < np.count_nonzero(count) <= few:

@@ -19,6 +19,8 @@ from fcsim.ranks.sharing import told as told
 from fcsim.ranks.sharing import world as world
 from fcsim.ranks.sharing import writes as writes
 from fcsim.ranks.tasks import in_parts as in_parts
+from fcsim.ranks.tasks import in_pieces as in_pieces
+from fcsim.ranks.tasks import largest as largest
 from fcsim.ranks.tasks import shared_out as shared_out
 from fcsim.ranks.world import RankEnded as RankEnded
 from fcsim.ranks.world import World as World

@@ -45,13 +45,34 @@ def in_parts(what: str, rows: int, least: int, work: Callable[[int, int], None],
     it is this rank's alone, see `World.unasked`.
     """
     ranks = world()
-    if ranks is None or rows < least or threading.current_thread() is not threading.main_thread():  # files are written beside the steps
+    if ranks is None or rows < least:
         work(0, rows)
         return
-    ends = [rows * k // ranks.size for k in range(ranks.size + 1)]
+    in_pieces(what, [rows * k // ranks.size for k in range(ranks.size + 1)], work, *arrays)
+
+
+def in_pieces(what: str, ends: Sequence[int], work: Callable[[int, int], None], *arrays: NDArray) -> None:
+    """As `in_parts`, rank k the rows ends[k] to ends[k + 1] - 1; ends (size + 1,), from 0 on."""
+    ranks = world()
+    if ranks is None or threading.current_thread() is not threading.main_thread():  # files are written beside the steps
+        work(ends[0], ends[-1])
+        return
     with ranks.unasked(what):
         with alone():
             work(ends[ranks.number], ends[ranks.number + 1])
         counts = [end - begin for begin, end in itertools.pairwise(ends)]
         for array in arrays:
             ranks.complete(array, counts)
+
+
+def largest(what: str, rows: int, least: int, work: Callable[[int, int], FloatArray]) -> FloatArray:
+    """The largest of what work(begin, end) finds in the rows begin, ..., end - 1, number by number: each rank looks at some of them, all of
+    them where there are fewer than `least`. As `in_parts` else."""
+    ranks = world()
+    if ranks is None or rows < least or threading.current_thread() is not threading.main_thread():
+        return work(0, rows)
+    with ranks.unasked(what):
+        with alone():
+            own = work(rows * ranks.number // ranks.size, rows * (ranks.number + 1) // ranks.size)
+        every: FloatArray = ranks.gathered(own, [len(own)] * ranks.size).reshape(ranks.size, -1).max(axis=0)
+        return every

@@ -209,6 +209,15 @@ class World:
         """The numbers (sum of counts,) of all ranks in their order, counts (size,); own (counts[number],): this rank's."""
         return self._gathered(own, counts)
 
+    def exchanged[T: np.generic](self, own: NDArray[T], lengths: IntArray) -> NDArray[T]:
+        """What the ranks send to this one, one after the other, lengths (size, size) numbers from each to each; own: what it sends to each,
+        likewise."""
+        given, taken = lengths[self.number].tolist(), lengths[:, self.number].tolist()
+        received = np.empty(sum(taken), dtype=own.dtype)
+        self._wait(self._data.Ialltoallv([own, given], [received, taken]))
+        self._count(own.nbytes, int(np.count_nonzero(given)))
+        return received
+
     def complete(self, values: NDArray, counts: list[int]) -> None:
         """Have values (sum of counts, ...), of which this rank has written its own part, the others' parts too; counts: of rows."""
         size = values.size // max(1, len(values))

@@ -22,7 +22,7 @@ from fcsim.contact_law.law import NOTHING, Implicit, Law, Meeting, Outcome, Term
 from fcsim.contact_law.one_point import at_one_point
 from fcsim.contact_law.proportions import Proportions
 from fcsim.contact_law.rolling_rows import ROWS, SPINNING_ROWS, moment_matrix, widened, with_moments
-from fcsim.linear.sparse.by_ranks import transposed_times_by_ranks
+from fcsim.linear.sparse.by_ranks import times_by_ranks, transposed_times_by_ranks
 from fcsim.linear.sparse.columns import times, transposed_times
 from fcsim.timestep.scheme import Scheme
 from fcsim.timestep.state import State
@@ -104,7 +104,7 @@ class Encounter:
 
     def impulse(self, r: FloatArray) -> FloatArray:
         """(n_dofs,) on the bodies' dofs for the problem's r (m,)."""
-        return times(self.acting_H, self.reaction(r))
+        return times_by_ranks(self.acting_H, self.reaction(r))
 
     def forces(self, r: FloatArray) -> FloatArray:
         """The forces' components (nc, d) of a vector on the problem's rows (m,)."""

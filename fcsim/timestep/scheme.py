@@ -198,6 +198,7 @@ class Dynamic(ABC):
 
     def velocity_before(self, model: Model, state: State) -> FloatArray:
         """v (n_dofs,) of the state's momentum in the detection configuration."""
+
         return model.keep_momentum(state.v, model.rigid_mass(state.x), self.detection_configuration(model, state))
 
     def rigid_mass(self, model: Model, state: State, load: FloatArray) -> FloatArray:

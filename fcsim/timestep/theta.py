@@ -17,15 +17,30 @@ Sources: M. Jean, "The non-smooth contact dynamics method", Comput. Methods Appl
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cache, partial
 
 import numpy as np
 
 from fcsim.arrays import FloatArray
+from fcsim.assembly.kinematics.elastic_forces import energies_of
 from fcsim.assembly.loads import Follower
 from fcsim.assembly.model import Model
 from fcsim.contact_law.coulomb import Gap
 from fcsim.contact_law.law import Law, Timing
-from fcsim.timestep.energy import Acting, ContactWork, Energy, balance, contact_work, inner_force, inner_work, momentum, of_ranks, pushing
+from fcsim.linear.sparse._vectors_kernels import weighted_sum
+from fcsim.timestep.energy import (
+    Acting,
+    ContactWork,
+    Energy,
+    InnerWork,
+    balance,
+    contact_work,
+    inner_force,
+    inner_work,
+    momentum,
+    of_ranks,
+    pushing,
+)
 from fcsim.timestep.scheme import Dynamic, load_at, positive, refuse_law
 from fcsim.timestep.state import State
 from fcsim.timestep.step_equation.end_velocity import end_velocity
@@ -94,10 +109,10 @@ class Theta(Dynamic):
         return self.h * self.theta
 
     def elastic_path(self, model: Model, state: State, v: FloatArray) -> tuple[FloatArray, FloatArray]:
-        return state.x, state.x + self.h * self.damping_velocity(model, state, v)
+        return state.x, weighted_sum(1.0, state.x, self.h, self.damping_velocity(model, state, v))
 
     def damping_velocity(self, model: Model, state: State, v: FloatArray) -> FloatArray:
-        mean = self.theta * v + (1 - self.theta) * state.v
+        mean = weighted_sum(self.theta, v, 1 - self.theta, state.v)
         return mean if not model.held.turns else mean + self._drift(model, state) / self.h
 
     def _drift(self, model: Model, state: State) -> FloatArray:
@@ -109,7 +124,7 @@ class Theta(Dynamic):
     def right_hand_side(self, model: Model, state: State) -> FloatArray:
         h, undamped = self.h, 1 - self.h * (1 - self.theta) * model.alpha
         if undamped == 1:
-            return momentum(model, state) + h * self._force(model, state)
+            return weighted_sum(1.0, momentum(model, state), h, self._force(model, state))
         return model.apply_mass(undamped * state.v, model.rigid_mass(state.x)) + h * self._force(model, state)
 
     def _force(self, model: Model, state: State) -> FloatArray:
@@ -118,7 +133,7 @@ class Theta(Dynamic):
 
         def made() -> FloatArray:
             if not any(isinstance(load, Follower) for load in model.loads):
-                return theta * load_at(model, state, h) + (1 - theta) * load_at(model, state, 0.0)
+                return weighted_sum(theta, load_at(model, state, h), 1 - theta, load_at(model, state, 0.0))
             x = model.advance(state.x, h * theta * state.v)
             return theta * model.load(state.t + h, x) + (1 - theta) * model.load(state.t, x)
 
@@ -145,33 +160,43 @@ class Theta(Dynamic):
         the ends changes in the energy of a given angular momentum: of second order, and swinging. For the work of impacts see `Velocity`.
         Driven rotations place nodes on circles, dx = h v_theta + c (see `_drift`): c times the forces of strain there is work of supports.
         """
-        h, theta = self.h, self.theta
-        middle = self.detection_configuration(model, before)
-        v0 = self.velocity_before(model, before)
-        v1 = model.keep_momentum(after.v, model.rigid_mass(after.x), middle)
-        v, dv = theta * v1 + (1 - theta) * v0, v1 - v0
-        supports = float(v @ support)
-        dx, mean = after.x - before.x, theta * after.v + (1 - theta) * before.v
-        inner = before.x + theta * dx, self.elastic_time, theta
+        h, theta, elastic = self.h, self.theta, model.elastic
+        first, last = elastic.at(before.x), elastic.at(after.x)
 
-        def of_strain() -> FloatArray:
-            energies, loss = model.elastic.energies(model.elastic.at(before.x), model.elastic.at(after.x))
-            return np.array([*energies, loss])
+        @cache
+        def velocities() -> tuple[FloatArray, FloatArray, FloatArray]:
+            middle = self.detection_configuration(model, before)
+            v0 = self.velocity_before(model, before)
+            v1 = model.keep_momentum(after.v, model.rigid_mass(after.x), middle)
+            return v0, v1, weighted_sum(theta, v1, 1 - theta, v0)
 
         def of_motion() -> FloatArray:
+            v0, v1, v = velocities()
             M0, M1 = momentum(model, before), momentum(model, after)
-            load = self._force(model, before) + pushing(model, inner[0], self.when(before))
-            works = v @ load, v @ (theta * M1 + (1 - theta) * M0), dv @ (M1 - M0), (before.v - v0) @ M0, (after.v - v1) @ M1
-            contact = contact_work(acting, v)
-            return np.array([before.v @ M0, after.v @ M1, *works, contact.normal, contact.tangential, contact.friction_dissipation])
+            load = self._force(model, before)
+            if model.following:
+                load = load + pushing(model, before.x + theta * (after.x - before.x), self.when(before))
+            turned = [0.0 if x is y else (x - y) @ M for x, y, M in ((before.v, v0, M0), (after.v, v1, M1))]
+            works = v @ load, v @ weighted_sum(theta, M1, 1 - theta, M0), (v1 - v0) @ (M1 - M0), *turned, v @ support
+            return np.array([before.v @ M0, after.v @ M1, *works])
 
-        strain, motion = of_ranks(model, ((3, of_strain), (10, of_motion)))
-        (energy0, energy1, loss), (kinetic0, kinetic1, loads, damped, change, turned0, turned1, *contact) = strain.tolist(), motion.tolist()
-        if model.held.turns:
-            drift = model.driven_share(dx - h * mean)
-            mean = mean + drift / h
-            first, last = model.elastic.at(before.x), model.elastic.at(after.x)
-            supports += float(drift @ (model.elastic.force(first, last, theta, mean) + inner_force(model, before, inner, mean)))
+        def of_contact() -> FloatArray:
+            work = contact_work(acting, velocities()[2])
+            return np.array([work.normal, work.tangential, work.friction_dissipation])
+
+        terms = (1, partial(elastic.of_first, first)), (2, partial(elastic.of_change, first, last)), (8, of_motion), (3, of_contact)
+        start, strain, motion, contact = of_ranks(model, terms)
+        (energy0, energy1), loss = energies_of(start, strain)
+        kinetic0, kinetic1, loads, damped, change, turned0, turned1, supports = motion.tolist()
+        work_inside = InnerWork()
+        if model.nonlinear or model.held.turns:
+            dx, mean = after.x - before.x, theta * after.v + (1 - theta) * before.v
+            inner = before.x + theta * dx, self.elastic_time, theta
+            if model.held.turns:
+                drift = model.driven_share(dx - h * mean)
+                mean = mean + drift / h
+                supports += float(drift @ (elastic.force(first, last, theta, mean) + inner_force(model, before, inner, mean)))
+            work_inside = inner_work(model, before, after, dx, inner, mean)
         return balance(
             kinetic=(0.5 * kinetic0, 0.5 * kinetic1),
             elastic=(energy0, energy1),
@@ -179,6 +204,6 @@ class Theta(Dynamic):
             supports=supports,
             damping=h * model.alpha * damped + model.beta / h * loss,
             numerical=(theta - 0.5) * (change + loss) + 0.5 * (turned0 - turned1),
-            contact=ContactWork(*contact),
-            inner=inner_work(model, before, after, dx, inner, mean),
+            contact=ContactWork(*contact.tolist()),
+            inner=work_inside,
         )

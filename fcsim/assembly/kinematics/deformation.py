@@ -17,9 +17,13 @@ from fcsim.assembly.kinematics.frames import FloatingGroup, Frames
 from fcsim.assembly.kinematics.left_out import LeftOut, gradients
 from fcsim.brief import brief
 from fcsim.mesh.cell_type import CELL_TYPES, CellType
+from fcsim.ranks import in_parts
 
 SUSPECT = 0.3
 """Change of a cell's edge, relative to its length, below which no cell of a usable shape is inverted."""
+
+NODES_FROM = 5000
+"""Nodes of a group from which ranks share looking at its bodies."""
 
 UNBENT = 0.03
 """Rotation [rad] that cells must exceed to be measured."""
@@ -66,11 +70,14 @@ class DeformationMeasure:
         inverted, turning, finite = np.zeros((3, self._count), dtype=bool)
         for measure in self._groups:
             group = measure.floating.group
-            frames = measure.floating.frames(x)
-            rotation[group.members] = angle_of(frames.rotation)
-            strain[group.members] = measure.strain(frames.strained, self._unseen)
-            bent[group.members], left_out[group.members] = measure.bent(frames, self._unseen)
-            inverted[group.members] = measure.inverted(frames.strained)
+            looks = measure.looks(x)
+            rotation[group.members], farthest, upside_down = looks.T
+            inverted[group.members] = upside_down > 0
+            bound = measure.strain_per_motion * farthest
+            frames = measure.floating.frames(x) if measure.exceeds(bound, looks[:, 0], self._unseen) else None
+            strain[group.members] = bound if frames is None else measure.strain(frames.strained, bound, self._unseen)
+            if frames is not None:
+                bent[group.members], left_out[group.members] = measure.bent(frames, bound, self._unseen)
             turning[group.members], finite[group.members] = group.rotates, measure.finite
         return Deformation(rotation, strain, bent, left_out, inverted, turning, finite)
 
@@ -89,7 +96,7 @@ class _GroupMeasure:
         self._inside = self._gradient(_strained_most(self._cell), limited_cells)
         self._left_out = None if self.finite or self._stretches else LeftOut(group, self._gradient(self._cell.inside, limited_cells))
         components = np.sqrt(np.asarray(self._inside.multiply(self._inside).sum(axis=1)).reshape(-1, self._points.shape[1]).sum(axis=1))
-        self._strain_per_motion = float(components.max()) * np.sqrt(self._cells.shape[1])
+        self.strain_per_motion = float(components.max()) * np.sqrt(self._cells.shape[1])
         edges = np.unique(np.sort(self._cells[:, self._cell.edges].reshape(-1, 2), axis=1), axis=0)
         self._edges: IntArray = edges.T
         self._lengths = np.linalg.norm(self._points[edges[:, 0]] - self._points[edges[:, 1]], axis=1)
@@ -104,10 +111,36 @@ class _GroupMeasure:
         values = operator @ y.transpose(1, 0, 2).reshape(nn, nb * d)
         return values.reshape(-1, d, nb, d).transpose(0, 2, 3, 1)
 
-    def strain(self, y: FloatArray, unseen: float) -> FloatArray:
-        """Largest principal strain in size (nb,) of y (nb, nn, d); where all are below `unseen`, a bound:
-        ||H|| <= ||grad N|| ||y_cell||."""
-        bound = self._strain_per_motion * np.sqrt(np.einsum("bni,bni->bn", y, y).max(axis=1))
+    def looks(self, x: FloatArray) -> FloatArray:
+        """Of each body (nb, 3) at the configuration x (n_dofs,): rotation [rad], how far a node is from where its frame has it [m], and 1
+        where a cell is inverted; each rank looks at some of many."""
+        found = np.empty((len(self.floating.group.first), 3))
+
+        def look(begin: int, end: int) -> None:
+            frames = self.floating.frames(x, slice(begin, end))
+            y, own = frames.strained, found[begin:end]
+            own[:, 0] = angle_of(frames.rotation)
+            own[:, 1] = np.sqrt(np.einsum("bni,bni->bn", y, y).max(axis=1))
+            own[:, 2] = self._inverted(y, own[:, 1])
+
+        in_parts("deformation", len(found), max(2, NODES_FROM // len(self._points)), look, found)
+        return found
+
+    def exceeds(self, bound: FloatArray, rotation: FloatArray, unseen: float) -> bool:
+        """Whether a body's strain may not be below `unseen`, or its cells may be bent: by the `bound` of strain,
+        ||H|| <= ||grad N|| ||y_cell||, and its rotation (nb,)."""
+        small = bound.max(initial=0.0) < unseen and not len(self._bent(bound, rotation, unseen))
+        return not small
+
+    def _bent(self, bound: FloatArray, rotation: FloatArray, unseen: float) -> IntArray:
+        """The bodies whose cells may turn by what counts beside what the kinematics turns with."""
+        if self._left_out is None:
+            return np.empty(0, dtype=np.int64)
+        turned = bound if self.floating.group.rotates else bound + rotation
+        return np.flatnonzero(turned >= min(unseen, UNBENT))
+
+    def strain(self, y: FloatArray, bound: FloatArray, unseen: float) -> FloatArray:
+        """Largest principal strain in size (nb,) of y (nb, nn, d); its bound where all of these are below `unseen`."""
         if bound.max(initial=0.0) < unseen:
             return bound
         H = self._displacement_gradient(self._inside, y)
@@ -137,25 +170,21 @@ class _GroupMeasure:
         within: FloatArray = np.eye(d) - normal[:, :, None] * normal[:, None, :]
         return within
 
-    def bent(self, frames: Frames, unseen: float) -> tuple[FloatArray, FloatArray]:
+    def bent(self, frames: Frames, bound: FloatArray, unseen: float) -> tuple[FloatArray, FloatArray]:
         """Largest rotations (nb,) of cells' middles [rad] and what strains of small rotation leave out (nb,), see `Deformation`; 0 where
         the bound of strain tells that both are small."""
         angle, share = np.zeros((2, len(frames.rotation)))
         if self._left_out is None:
             return angle, share
-        turns = self.floating.group.rotates
         y = frames.strained
-        bound = self._strain_per_motion * np.sqrt(np.einsum("bni,bni->bn", y, y).max(axis=1))
-        if not turns:
-            bound += angle_of(frames.rotation)
-        for b in np.flatnonzero(bound >= min(unseen, UNBENT)):
-            moved = y[b] if turns else frames.arm[b] - self.floating.arm
+        for b in self._bent(bound, angle_of(frames.rotation), unseen):
+            moved = y[b] if self.floating.group.rotates else frames.arm[b] - self.floating.arm
             angle[b], share[b] = self._left_out(moved)
         return angle, share
 
-    def inverted(self, y: FloatArray) -> BoolArray:
+    def _inverted(self, y: FloatArray, farthest: FloatArray) -> BoolArray:
+        """Whether a cell of each body is inverted (nb,) by y (nb, nn, d), the largest of which are `farthest` (nb,)."""
         found = np.zeros(len(y), dtype=bool)
-        farthest = np.sqrt(np.einsum("bni,bni->bn", y, y).max(axis=1))
         suspect = np.flatnonzero(2 * farthest > SUSPECT * self._shortest)  # no edge can change by more
         if suspect.size:
             a, b = self._edges

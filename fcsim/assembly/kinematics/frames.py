@@ -87,11 +87,12 @@ class FloatingGroup:
         """The group's nodes' share (nb, nn, d) of a vector on all dofs."""
         return x[self.group.dofs].reshape(-1, *self.arm.shape)
 
-    def frames(self, x: FloatArray) -> Frames:
-        """The frames at the displacements x (n_dofs,) [m]."""
-        group, shape = self.group, (len(self.group.first), *self.arm.shape)
+    def frames(self, x: FloatArray, some: slice = slice(None)) -> Frames:
+        """The frames of some of the bodies at the displacements x (n_dofs,) [m]."""
+        first = self.group.first[some]
+        shape = (len(first), *self.arm.shape)
         arm, y, spread = np.empty(shape), np.empty(shape), np.empty((shape[0], shape[2], shape[2]))
-        spread_arms(self._axes, x, group.first, self.weight, self.arm, arm, spread)
+        spread_arms(self._axes, x, first, self.weight, self.arm, arm, spread)
         R = polar_rotation(spread)
         strained(self._axes, arm, R, self.arm, y)
         return Frames(R, spread, arm, y)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
@@ -11,6 +13,7 @@ from numpy.typing import NDArray
 from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.assembly.groups import Group
 from fcsim.assembly.kinematics._frame_kernels import turned_back, turned_forth
+from fcsim.assembly.kinematics.ranges import BodyRanges
 from fcsim.assembly.layout import BodyLayout
 from fcsim.assembly.shares.shares import Shares
 from fcsim.errors import InputError
@@ -124,21 +127,29 @@ class GroupFactor:
         """Of each body (nb, nfree)."""
         return self.dofs[:, self.free]
 
-    def solve(self, rhs: FloatArray, rotation: FloatArray | None, x: FloatArray) -> None:
-        """A^-1 rhs of all bodies of the group, turned by rotation (n_deformable, d, d), None: not, into x; rhs, x (n_dofs,)."""
+    def solve(self, rhs: FloatArray, rotation: FloatArray | None, x: FloatArray, ends: Sequence[int]) -> None:
+        """A^-1 rhs of the bodies ends[0] to ends[-1] - 1 of the group, those between two ends at once, turned by rotation
+        (n_deformable, d, d), None: not, into x; rhs, x (n_dofs,)."""
+        for begin, end in itertools.pairwise(ends):
+            if begin < end:
+                self._solve(slice(begin, end), rhs, rotation, x)
+
+    def _solve(self, some: slice, rhs: FloatArray, rotation: FloatArray | None, x: FloatArray) -> None:
+        """`solve` of some of the bodies."""
+        first = self.first[some]
         if rotation is None:
-            given = np.empty((len(self.free), len(self.first)))
-            columns_of(self.first, self.free, rhs, given)
-            put_columns(self.first, self.free, self.factor.solve(given), x)
+            given = np.empty((len(self.free), len(first)))
+            columns_of(first, self.free, rhs, given)
+            put_columns(first, self.free, self.factor.solve(given), x)
             return
-        dofs = self._free_dofs
-        Q = rotation[self.members]
+        Q = rotation[self.members[some]]
         if self._axes is None:
-            columns, axes = np.empty(dofs.shape[::-1]), tuple(range(Q.shape[-1]))
-            turned_back(axes, rhs, self.first, Q, self._is_free, columns, 0)
-            turned_forth(axes, self.factor.solve(columns), self.first, Q, self._is_free, x)
+            columns, axes = np.empty((len(self.free), len(first))), tuple(range(Q.shape[-1]))
+            turned_back(axes, rhs, first, Q, self._is_free, columns, 0)
+            turned_forth(axes, self.factor.solve(columns), first, Q, self._is_free, x)
             return
-        own = np.zeros(self.dofs.shape)
+        dofs = self._free_dofs[some]
+        own = np.zeros((len(first), self.size))
         own[:, self.free] = rhs[dofs]
         inner = self.along(_turned(Q.transpose(0, 2, 1), self.world(own)))[:, self.free]
         own[:, self.free] = self.factor.solve(np.ascontiguousarray(inner.T)).T
@@ -155,6 +166,21 @@ class GroupFactor:
     @staticmethod
     def _along_each(axes: FloatArray, x: FloatArray) -> FloatArray:
         return np.einsum("aij,baj->bai", axes, x.reshape(len(x), *axes.shape[:2])).reshape(x.shape)
+
+
+def solved_by_each(
+    groups: Sequence[GroupFactor], ranges: BodyRanges, rhs: FloatArray, rotation: FloatArray | None, x: FloatArray, shares: Shares | None
+) -> list[GroupFactor]:
+    """Solve for the bodies of those groups that every rank has the factor of, each rank for some, see `GroupFactor.solve`; return them."""
+    each = [group for group in groups if shares is None or (group.everyones and not group.over_ranks)]
+
+    def between(edges: IntArray) -> None:
+        for group in each:
+            group.solve(rhs, rotation, x, ranges.cuts(group.first, edges))
+
+    if each:
+        ranges.share("solutions", between, x)
+    return each
 
 
 TILE = 512

@@ -70,6 +70,36 @@ def times_columns(indptr, indices, data, x, size):
 
 
 @njit(cache=True)
+def times_columns_between(indptr, indices, data, x, first, last, y):
+    """Add to y (n,) the rows first, ..., last - 1 of A x of A (n, m) by columns, whose rows ascend, for x (m,): in the order of
+    `times_columns`. Columns of which all rows are others are passed over."""
+    m, j = len(indptr) - 1, 0
+    while j < m:
+        a = indptr[j]
+        n = indptr[j + 1] - a
+        if n == 0 or indices[a] >= last or indices[a + n - 1] < first:
+            j += 1
+            continue
+        within = first <= indices[a] and indices[a + n - 1] < last
+        alike = within and j + 2 < m and indptr[j + 2] - a == 2 * n and indptr[j + 3] - a == 3 * n
+        k = a
+        while alike and k < a + n:
+            alike = indices[k] == indices[k + n] and indices[k] == indices[k + 2 * n]
+            k += 1
+        if alike:
+            r, s, t = x[j], x[j + 1], x[j + 2]
+            for k in range(a, a + n):
+                e, i = np.uint64(k), np.uint64(indices[k])
+                y[i] = ((y[i] + data[e] * r) + data[np.uint64(k + n)] * s) + data[np.uint64(k + 2 * n)] * t
+            j += 3
+            continue
+        for k in range(a, a + n):
+            if first <= indices[k] < last:
+                y[indices[k]] += data[k] * x[j]
+        j += 1
+
+
+@njit(cache=True)
 def rows_kept(indptr, indices, data, ordered, place, starts, rows, values):
     """Write the columns of A (n, m) with its rows i at place[i], those with place[i] < 0 left out, one after the other; their starts
     (m + 1,). ordered: whether rows ascend in each column."""
@@ -142,19 +172,15 @@ def entries_of_rows(indices, count):
 
 
 @njit(cache=True)
-def starts_of_some(indptr, columns, starts):
-    """Where the `columns` (k,) of a matrix by columns begin (k + 1,) where they stand one after the other."""
-    starts[0] = 0
-    for j in range(len(columns)):
-        starts[j + 1] = starts[j] + indptr[columns[j] + 1] - indptr[columns[j]]
-
-
-@njit(cache=True)
-def take_columns(indptr, indices, data, columns, starts, rows, values):
-    """Write these columns one after the other."""
-    for j in range(len(columns)):
-        first, begin = np.uint64(indptr[columns[j]]), np.uint64(starts[j])
-        for k in range(np.uint64(starts[j + 1] - starts[j])):
-            rows[begin + k] = indices[first + k]
-        for k in range(np.uint64(starts[j + 1] - starts[j])):
-            values[begin + k] = data[first + k]
+def met_twice_beyond(indices, count, few):
+    """Whether more than `few` of the rows (count,) of a matrix by columns have two entries or more."""
+    met, twice = np.zeros(count, dtype=np.uint8), 0
+    for k in range(len(indices)):
+        i = np.uint64(indices[np.uint64(k)])
+        if met[i] == 1:
+            twice += 1
+            if twice > few:
+                return True
+        if met[i] < 2:
+            met[i] += 1
+    return False

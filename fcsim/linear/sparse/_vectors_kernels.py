@@ -48,6 +48,15 @@ def blended(first, x0, x1, share, out):
 
 
 @njit(cache=True, nogil=True)
+def weighted_sum(a, x, b, y):
+    """a x + b y (n,) in one pass, as NumPy rounds it."""
+    out = np.empty(len(x))
+    for i in range(len(x)):
+        out[i] = a * x[i] + b * y[i]
+    return out
+
+
+@njit(cache=True, nogil=True)
 def columns_of(first, some, x, out):
     """out (k, nb): x[first[b] + some[p]] at [p, b]; some (k,)."""
     for p in range(len(some)):
@@ -63,3 +72,17 @@ def put_columns(first, some, columns, x):
         row = columns[p]
         for b in range(len(first)):
             x[np.uint64(first[b] + some[p])] = row[b]
+
+
+@njit(cache=True, nogil=True)
+def farthest(h, v, way, end, reference, begin):
+    """The largest (3,) in size of h v - way, 0 where way (0,) is none, of the displacement reference + end - begin beside h v, and of h v;
+    all others (n,)."""
+    aside = off = far = 0.0
+    for i in range(len(v)):
+        straight = h * v[i]
+        if len(way):
+            aside = max(aside, abs(straight - way[i]))
+        off = max(off, abs((reference[i] + end[i]) - begin[i] - straight))
+        far = max(far, abs(straight))
+    return np.array([aside, off, far])

@@ -5,13 +5,16 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 
-from fcsim.arrays import FloatArray
+from fcsim.arrays import BoolArray, FloatArray
 from fcsim.linear.sparse import _columns_kernels as kernels
-from fcsim.linear.sparse.columns import transposed_times
+from fcsim.linear.sparse.columns import normals_of_some, times, transposed_times
 from fcsim.ranks import in_parts, world
 
 CONTACTS_FROM = 3000
 """Contacts from which ranks share work on them: a product with H^T of as many takes a third of a millisecond, exchanging it a tenth."""
+
+NORMALS_FROM = 20_000
+"""The same of sums over the squares of the normals' columns: of as many a millisecond, and three exchanges."""
 
 
 def transposed_times_by_ranks(A: sp.sparray | FloatArray, x: FloatArray) -> FloatArray:
@@ -27,3 +30,35 @@ def transposed_times_by_ranks(A: sp.sparray | FloatArray, x: FloatArray) -> Floa
 
     in_parts("H^T v", len(product), CONTACTS_FROM, multiply, product)
     return product.ravel()
+
+
+def times_by_ranks(A: sp.sparray | FloatArray, x: FloatArray) -> FloatArray:
+    """A x (n,) as `times`, each rank some of its rows where they ascend in each column; all ranks must ask."""
+    by_columns = isinstance(A, sp.csc_array) and A.dtype == np.float64 == x.dtype and x.shape == A.shape[1:]
+    if world() is None or not isinstance(A, sp.csc_array) or not by_columns or not A.has_canonical_format or A.shape[1] < 3 * CONTACTS_FROM:
+        return times(A, x)
+    product = np.zeros(A.shape[0])
+
+    def multiply(begin: int, end: int) -> None:
+        kernels.times_columns_between(A.indptr, A.indices, A.data, x, begin, end, product)
+
+    in_parts("H r", len(product), 0, multiply, product)
+    return product
+
+
+def normals_by_ranks(
+    A: sp.csr_array | sp.csc_array, weight: FloatArray, some: BoolArray, step: int
+) -> tuple[FloatArray, FloatArray, BoolArray]:
+    """As `normals_of_some`, each rank of some columns; all ranks must ask."""
+    if world() is None or not isinstance(A, sp.csc_array):
+        return normals_of_some(A, weight, some, step)
+    count = A.shape[1] // step
+    whole, others, touched = np.empty(count), np.empty(count), np.empty(count, dtype=np.bool_)
+
+    def sums(begin: int, end: int) -> None:
+        own = A.indptr[step * begin : step * end + 1]
+        found = kernels.squares_of_touched(own, A.indices, A.data, weight, some, step, end - begin)
+        whole[begin:end], others[begin:end], touched[begin:end] = found
+
+    in_parts("normals", count, NORMALS_FROM, sums, whole, others, touched)
+    return whole, others, touched

@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 
-from fcsim.arrays import BoolArray, FloatArray, IntArray
+from fcsim.arrays import BoolArray, FloatArray, IntArray, Matrix
 from fcsim.linear.sparse import _columns_kernels as kernels
 
 
@@ -43,19 +43,15 @@ def rows_kept(A: sp.csc_array, place: IntArray, count: int) -> sp.csc_array:
     return kept
 
 
-def some_columns(A: sp.csc_array, columns: IntArray) -> sp.csc_array:
-    """The matrix (n, k) of the columns (k,) of A (n, m)."""
-    starts = np.empty(len(columns) + 1, dtype=A.indptr.dtype)
-    kernels.starts_of_some(A.indptr, columns, starts)
-    rows, values = np.empty(starts[-1], dtype=A.indices.dtype), np.empty(starts[-1], dtype=A.data.dtype)
-    kernels.take_columns(A.indptr, A.indices, A.data, columns, starts, rows, values)
-    return sp.csc_array((values, rows, starts), shape=(A.shape[0], len(columns)))
-
-
 def entries_of_rows(A: sp.csr_array | sp.csc_array) -> IntArray:
     """How many entries each row (n,) of A (n, m) has."""
     found: IntArray = np.diff(A.indptr) if isinstance(A, sp.csr_array) else kernels.entries_of_rows(A.indices, A.shape[0])
     return found
+
+
+def met_twice_beyond(A: Matrix, few: float) -> bool:
+    """Whether more than so many rows of A (n, m) by columns have two entries or more; False of other matrices, nobody has counted."""
+    return isinstance(A, sp.csc_array) and bool(kernels.met_twice_beyond(A.indices, A.shape[0], few))
 
 
 def normals_of_some(

@@ -133,5 +133,6 @@ class KnownShares:
 def shares_of(H: sp.csc_array, body: IntArray, column: IntArray, count: int, dimension: int, runs: tuple[Run, ...]) -> BodyShares:
     """The shares of W = H^T A^-1 H; H, body, column and count as in `DelassusSum`."""
     h: tuple[IntArray, IntArray, IntArray, IntArray, FloatArray]
-    h = entries_by_body(H.indptr, H.indices, H.data, body, column, count, dimension)
-    return BodyShares(*h, runs, H.shape[1] // dimension, dimension)
+    nc = H.shape[1] // dimension
+    h = entries_by_body(H.indptr, H.indices, H.data, body, column, count, dimension, np.arange(nc))
+    return BodyShares(*h, runs, nc, dimension)

@@ -12,6 +12,15 @@ from numba import njit
 
 
 @njit(cache=True, nogil=True)
+def add_rows(values, rows, total):
+    """Add values (k, d) to the rows (k,) of total (n, d), one after the other."""
+    for k in range(len(rows)):
+        row = np.uint64(rows[k])
+        for i in range(values.shape[1]):
+            total[row, i] += values[k, i]
+
+
+@njit(cache=True, nogil=True)
 def add_received(every, count, d, places, to, w):
     """Add the rows at `places` to the rows `to` (k,) of w (n,)."""
     for k in range(len(to)):

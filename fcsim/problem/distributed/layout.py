@@ -12,6 +12,7 @@ import numpy as np
 
 from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.linear.block_rows import dofs_of
+from fcsim.problem.distributed._halo_kernels import add_rows
 from fcsim.ranks import World, world
 
 
@@ -81,7 +82,7 @@ class ContactLayout:
 
     @cached_property
     def _everyones(self) -> IntArray:
-        return np.concatenate([dofs_of(contacts, self.dimension) for contacts in self.contacts])
+        return np.concatenate(self.contacts)
 
     @cached_property
     def _counts(self) -> IntArray:
@@ -89,18 +90,13 @@ class ContactLayout:
 
     def summed(self, own: FloatArray) -> FloatArray:
         """The sum (m,) over the ranks of what each has on its own unknowns, own (k d,)."""
-        everything = self.world.gathered(own, self._counts)
-        return np.bincount(self._everyones, everything, self.nc * self.dimension)
+        return self.summed_blocks(own.reshape(-1, self.dimension)).ravel()
 
     def summed_blocks(self, own: FloatArray) -> FloatArray:
         """The sum (nc, ...) over the ranks, in their order, of what each has on its own contacts, own (k, ...)."""
-        size = math.prod(own.shape[1:])
-        counts = np.array([len(contacts) for contacts in self.contacts])
-        everything = self.world.gathered(own.ravel(), size * counts).reshape(-1, *own.shape[1:])
-        total, end = np.zeros((self.nc, *own.shape[1:])), 0
-        for contacts in self.contacts:
-            begin, end = end, end + len(contacts)
-            total[contacts] += everything[begin:end]
+        size, total = math.prod(own.shape[1:]), np.zeros((self.nc, *own.shape[1:]))
+        every = self.world.gathered(own.ravel(), [size * len(contacts) for contacts in self.contacts])
+        add_rows(every.reshape(-1, size), self._everyones, total.reshape(-1, size))
         return total
 
     @cached_property

@@ -10,6 +10,7 @@ from typing import Protocol
 import numpy as np
 
 from fcsim.arrays import FloatArray
+from fcsim.linear.sparse._vectors_kernels import weighted_sum
 from fcsim.problem import Followed
 from fcsim.solvers.base import Monitor
 from fcsim.solvers.newton.systems.condensed import CondensedSystem
@@ -119,7 +120,7 @@ class LocalSpace:
         after = monitor.error(self._r + self._dr, self.u + self._Wdr)
         if after <= max(monitor.tol, WORTH * error):
             return 1.0, after
-        half = monitor.error(self._r + 0.5 * self._dr, self.u + 0.5 * self._Wdr)
+        half = monitor.error(weighted_sum(1.0, self._r, 0.5, self._dr), weighted_sum(1.0, self.u, 0.5, self._Wdr))
         return (0.5, half) if half < after else (1.0, after)
 
     def gradient(self, A: FloatArray, B: FloatArray, F: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -132,12 +133,12 @@ class LocalSpace:
         return self._dr, self._Wdr
 
     def move(self, t: float) -> None:
-        self._r = self._r + t * self._dr
+        self._r = weighted_sum(1.0, self._r, t, self._dr)
         self._moves += 1
         if self._moves % RECOMPUTED == 0:
             self.recompute()
             return
-        self._Wr = self._Wr + t * self._Wdr
+        self._Wr = weighted_sum(1.0, self._Wr, t, self._Wdr)
         self.u = self._Wr + self._q
         self.exact = False
 

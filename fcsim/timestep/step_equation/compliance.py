@@ -19,7 +19,6 @@ from fcsim.linear.factors import Factor, factorise
 from fcsim.linear.late.late_rows import in_blocks
 from fcsim.linear.over_ranks.implicit_matrix import ImplicitMatrix, LateMatrix
 from fcsim.linear.sparse.behind import with_diagonal_behind, with_units_behind
-from fcsim.linear.sparse.columns import some_columns
 from fcsim.problem._delassus_kernels import entries_by_body
 from fcsim.problem._reduction_kernels import added_to_own_blocks
 from fcsim.problem.bodies.late import late_sum, summed, summed_late
@@ -273,7 +272,7 @@ class StepCompliance:
         with shares.world.together("W"):
             mine, own = self.factor.own_bodies(shares)
             blocks = None if more else _blocks_of(bodies, mine)
-            W = DelassusSum(some_columns(H, layout.own_unknowns), own, column, count, dimension, blocks)
+            W = DelassusSum(H, own, column, count, dimension, blocks, layout.own)
             runs = tuple(self.factor.compliances(self._asked(H)))
             late = late_sum(W, runs)
             share = in_blocks(summed(W, runs), dimension) if late is None else late
@@ -282,7 +281,8 @@ class StepCompliance:
     def _entries_by_body(self, H: sp.sparray, dimension: int) -> tuple[IntArray, IntArray, IntArray, IntArray, FloatArray]:
         """h of all bodies, see `entries_by_body`."""
         on, count = self._on_compliances(sp.csc_array(H)), len(self.factor.ranks())
-        return entries_by_body(on.indptr, on.indices, on.data, *self.factor.places, count, dimension)
+        every = np.arange(H.shape[1] // dimension)
+        return entries_by_body(on.indptr, on.indices, on.data, *self.factor.places, count, dimension, every)
 
     def _asked(self, H: sp.csc_array) -> BoolArray:
         """Which rows (n,) of H have entries, as `SystemFactor.compliances` asks; none where no body has a factor of its own, which alone

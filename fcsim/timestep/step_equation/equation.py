@@ -168,12 +168,14 @@ class Equation:
 
     def velocity(self, of_problem: FloatArray) -> FloatArray:
         """The unknowns v (n_dofs,) of all dofs, in world axes, from the problem's."""
-        model, v = self.model, np.empty(self.model.n_dofs)
+        model = self.model
         of_problem = self.compliance.bodies(of_problem)
         if self.leaning is not None and self.slanted is not None:
             begin = self._unknown(self.slanted[1])
             of_problem = begin + self.leaning.straight(of_problem - begin)
-        v[model.free_dofs] = of_problem if model.driven == "eliminated" else of_problem[model.free_dofs]
+        v = np.empty(model.n_dofs) if model.driven == "eliminated" else of_problem.copy()
+        if model.driven == "eliminated":
+            v[model.free_dofs] = of_problem
         v[model.driven_dofs] = self.driven
         return model.world(v)
 

@@ -30,6 +30,8 @@ from fcsim.contact_detection.contacts import Contacts, join
 from fcsim.contact_detection.sweep import brought_back
 from fcsim.contact_law.law import Implicit
 from fcsim.errors import InputError
+from fcsim.linear.sparse._vectors_kernels import farthest
+from fcsim.ranks import largest
 from fcsim.timestep.encounter import Encounter, under_law
 from fcsim.timestep.scheme import Scheme
 from fcsim.timestep.state import State
@@ -60,6 +62,9 @@ FAR = 0.1
 
 TURNED = 0.2
 """A turn [rad] within which what is met along a straight way is met."""
+
+DOFS_FROM = 100_000
+"""Degrees of freedom from which ranks share looking at how far nodes go: a tenth of a millisecond."""
 
 _TURNED_ASIDE = 2e-3
 """Of the smallest body: velocities that impacts change by less than this over the step bring no new contact about."""
@@ -196,13 +201,11 @@ def _may_miss(model: Model, scheme: Scheme, state: State, met: Encounter, v: Flo
     h, begin = scheme.timing.h, scheme.detection_configuration(model, state)
     sizes = met.meeting.proportions.size
     smallest = float(sizes.min(initial=np.inf))
-    straight = h * model.node_velocity(v, begin)
-    way = scheme.way(model, state)
-    if way is not None and np.abs(model.node_velocity(h * v - way, begin)).max(initial=0.0) > _TURNED_ASIDE * smallest:
+    aside, off, farthest = _farthest(model, scheme, state, met, v, after)
+    if aside > _TURNED_ASIDE * smallest:
         return True
-    moved = model.positions(scheme.detection_configuration(model, after)) - met.meeting.positions
     counts = 0.5 * BORNE * smallest
-    if np.abs(moved - straight).max(initial=0.0) > counts:
+    if off > counts:
         return True
     held = met.meeting.contacts
     if not len(held):
@@ -210,10 +213,29 @@ def _may_miss(model: Model, scheme: Scheme, state: State, met: Encounter, v: Flo
     slide = scheme.timing.length_per_u * reduce(np.maximum, np.abs(met.relative(v).reshape(len(held), -1)[:, 1:]).T)
     if slide.max(where=held.cables, initial=0.0) > _TURNS_A_CABLE * smallest:
         return True
-    if slide.max() * np.abs(straight).max(initial=0.0) <= 0.25 * smallest * counts:  # no node moves by more than twice that beside the mean
+    if slide.max() * farthest <= 0.25 * smallest * counts:  # no node moves by more than twice that beside the mean
         return False
-    angle = (_turns(model, straight) / (0.5 * np.maximum(sizes, 1e-300)))[held.bodies].max(axis=1)
+    angle = (_turns(model, h * model.node_velocity(v, begin)) / (0.5 * np.maximum(sizes, 1e-300)))[held.bodies].max(axis=1)
     return bool(np.any(slide * angle > counts))  # N . du less N' . du, of nodes that go straight
+
+
+def _farthest(model: Model, scheme: Scheme, state: State, met: Encounter, v: FloatArray, after: State) -> FloatArray:
+    """In their largest components (3,) [m]: how far nodes are beside the way along which contacts were looked for, beside the straight way,
+    and how long that is. Of deformable bodies each rank looks at some."""
+    h, d, n = scheme.timing.h, model.dimension, model.n_elastic
+    begin, end, way = scheme.detection_configuration(model, state), scheme.detection_configuration(model, after), scheme.way(model, state)
+    reference, met_at = model.reference.ravel(), met.meeting.positions.ravel()
+    nothing = v[:0] if way is None else way
+
+    def look(first: int, last: int) -> FloatArray:
+        return farthest(h, v[first:last], nothing[first:last], end[first:last], reference[first:last], met_at[first:last])
+
+    elastic = largest("ways", n, DOFS_FROM, look)
+    rigid = model.rigid_part(begin)
+    straight = h * model.rigid_bodies.velocity(rigid, model.rigid_part(v))
+    beside = straight[:0] if way is None else model.rigid_bodies.velocity(rigid, h * model.rigid_part(v) - model.rigid_part(way))
+    moved = model.reference[n // d :] + model.rigid_bodies.displacement(model.rigid_part(end)) - met.meeting.positions[n // d :]
+    return np.maximum(elastic, [np.abs(some).max(initial=0.0) for some in (beside, moved - straight, straight)])
 
 
 def _turns(model: Model, moved: FloatArray) -> FloatArray:

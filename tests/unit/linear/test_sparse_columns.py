@@ -6,7 +6,7 @@ import scipy.sparse as sp
 from numpy.testing import assert_allclose, assert_array_equal
 
 from fcsim.linear.sparse import _vectors_kernels as kernels
-from fcsim.linear.sparse.columns import entries_of_rows, normals_of_some, rows_kept, some_columns, times, transposed_times
+from fcsim.linear.sparse.columns import entries_of_rows, normals_of_some, rows_kept, times, transposed_times
 
 
 @pytest.mark.parametrize("form", ["csr", "csc", "coo", "dense"])
@@ -55,12 +55,6 @@ def test_rows_are_renumbered_and_left_out() -> None:
     for given in (A, sp.csc_array((A.data, A.indices, A.indptr), shape=A.shape)):
         assert_array_equal(rows_kept(given, last, 40).toarray(), np.where(last[:, None] >= 0, A.toarray(), 0.0))
     assert rows_kept(A, np.full(40, -1), 3).toarray().tolist() == np.zeros((3, A.shape[1])).tolist()
-
-
-def test_some_columns_are_scipys() -> None:
-    A, some = contacts(np.random.default_rng(5)), np.array([4, 0, 1, 28, 9])
-    for chosen in (some, some[:0]):
-        assert_array_equal(some_columns(A, chosen).toarray(), A[:, chosen].toarray())
 
 
 def test_rows_of_bodies_are_those_of_lists() -> None:

@@ -89,9 +89,13 @@ def test_contacts_of_one_pattern_are_sorted_by_bodies_as_any_others(d: int) -> N
     data, indices = np.zeros(indptr[-1]), np.full(indptr[-1], n - 1)
     others = np.delete(np.arange(indptr[-1]), last)
     data[others], indices[others] = H.data, H.indices
-    found = entries_by_body(H.indptr, H.indices, H.data, body, column, 6, d)
-    for x, y in zip(found, entries_by_body(indptr, indices, data, body, column, 6, d), strict=True):
-        assert_array_equal(x, y)
+    for some in (np.arange(nc), np.array([1, 2, 5, 17, 24])):
+        found = entries_by_body(H.indptr, H.indices, H.data, body, column, 6, d, some)
+        for x, y in zip(found, entries_by_body(indptr, indices, data, body, column, 6, d, some), strict=True):
+            assert_array_equal(x, y)
+        own = sp.csc_array(H[:, (d * some[:, None] + np.arange(d)).ravel()])  # of some contacts: as of H without the others
+        for x, y in zip(found, entries_by_body(own.indptr, own.indices, own.data, body, column, 6, d, np.arange(len(some))), strict=True):
+            assert_array_equal(x, y)
 
 
 def test_pattern_of_block_rows() -> None:

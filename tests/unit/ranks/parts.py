@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import scipy.sparse as sp
 
-from fcsim.linear.sparse.by_ranks import CONTACTS_FROM, transposed_times_by_ranks
-from fcsim.ranks import alone, in_parts, sharing
+from fcsim.linear.sparse.by_ranks import CONTACTS_FROM, times_by_ranks, transposed_times_by_ranks
+from fcsim.ranks import World, alone, in_parts, largest, sharing
 
 
 def digest(array: np.ndarray) -> str:
@@ -39,7 +39,41 @@ def products() -> list[str]:
         product = transposed_times_by_ranks(A, x)
         assert np.array_equal(product, A.T @ x)
         found.append(digest(product))
+        r = rng.standard_normal(columns)
+        for rows in (A, alike(A)):
+            product = times_by_ranks(rows, r)
+            assert np.array_equal(product, rows @ r)
+            found.append(digest(product))
     return found
+
+
+def alike(A: sp.csc_array) -> sp.csc_array:
+    """A with the rows of each third column in the two that follow it, as a contact's columns have them."""
+    indptr, blocks = [0], []
+    for j in range(0, A.shape[1] - 2, 3):
+        blocks += 3 * [A.indices[A.indptr[j] : A.indptr[j + 1]]]
+        indptr += [indptr[-1] + len(blocks[-1]) * k for k in (1, 2, 3)]
+    rows = np.concatenate(blocks)
+    B = sp.csc_array((np.cos(np.arange(len(rows))), rows, indptr), shape=(A.shape[0], len(indptr) - 1))
+    B = sp.csc_array(sp.hstack([B, A[:, B.shape[1] :]]))
+    B.sum_duplicates()
+    return B
+
+
+def looked_at() -> list[float]:
+    """The largest of what ranks see of many numbers, and of few."""
+    x = np.sin(np.arange(1000.0) ** 2)
+    return [float(a) for least in (1, 1001) for a in largest("rows", 1000, least, lambda i, j: np.array([x[i:j].max(), -x[i:j].min()]))]
+
+
+def sent(world: World | None) -> bool:
+    """Whether each rank gets what the others send to it alone: of number i to j i + 2 j numbers 10 i + j."""
+    if world is None:
+        return True
+    k = np.arange(world.size)
+    lengths = k[:, None] + 2 * k
+    own = np.repeat(10 * world.number + k, lengths[world.number])
+    return np.array_equal(world.exchanged(own, lengths), np.repeat(10 * k + world.number, lengths[:, world.number]))
 
 
 def main(folder: Path) -> None:
@@ -48,7 +82,15 @@ def main(folder: Path) -> None:
         rows, few, several = made(1001, 1), made(1001, 1002), made(2, 1)
         with alone():
             by_itself = made(1001, 1)
-        found = {"rows": rows, "few": few, "several": several, "alone": by_itself, "products": products()}
+        found = {
+            "rows": rows,
+            "few": few,
+            "several": several,
+            "alone": by_itself,
+            "products": products(),
+            "largest": looked_at(),
+            "sent": sent(world),
+        }
         (folder / f"{number}.json").write_text(json.dumps(found), encoding="utf-8")
 
 

@@ -27,7 +27,8 @@ def test_parts_are_those_of_one_process(mpiexec: Program, tmp_path: Path, expect
     for own in found:
         for name in ("rows", "few", "several", "alone"):
             assert own[name][0] == expected[name][0]
-        assert own["products"] == expected["products"]
+        assert own["products"] == expected["products"] and own["largest"] == expected["largest"]
+        assert own["sent"]
         assert own["few"][1] == own["alone"][1] == expected["rows"][1] == 1001
     for name, count in (("rows", 1001), ("several", 2)):
         made = [own[name][1] for own in found]

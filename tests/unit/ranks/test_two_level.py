@@ -17,7 +17,7 @@ from fcsim.solvers.newton.formulations import alart_curnier
 from fcsim.solvers.newton.systems.two_level import patches, system
 from fcsim.solvers.newton.systems.two_level.joints import Joints
 from fcsim.solvers.newton.systems.two_level.over_ranks._coarse_kernels import separators
-from fcsim.solvers.newton.systems.two_level.over_ranks._patch_kernels import add_part
+from fcsim.solvers.newton.systems.two_level.over_ranks._patch_kernels import add_lower, add_part, lower
 from fcsim.solvers.newton.systems.two_level.over_ranks.patches import JointsOfAll, chosen_for_ranks, solvers_of
 from tests.unit.ranks.conftest import Program
 from tests.unit.ranks.two_level import WORST, blocks_of_all, unsolved
@@ -228,6 +228,17 @@ def test_parts_of_a_patch_are_added_at_their_contacts(d: int) -> None:
     chosen[(d * at[:, None] + np.arange(d)).ravel(), np.arange(3 * d)] = 1
     add_part(part, at, d, W)
     assert np.allclose(W, before + chosen @ part @ chosen.T, rtol=0, atol=1e-15)
+
+
+@pytest.mark.parametrize("d", (2, 3))
+def test_a_symmetric_part_is_sent_by_half(d: int) -> None:
+    rng, at = np.random.default_rng(d), np.array([3, 0, 4])
+    whole, half, part = *np.repeat(rng.standard_normal((1, 5 * d, 5 * d)), 2, axis=0), rng.standard_normal((3 * d, 3 * d))
+    part += part.T
+    add_part(part, at, d, whole)
+    packed = lower(part)
+    add_lower(packed, at, d, half)
+    assert len(packed) == 3 * d * (3 * d + 1) // 2 and np.array_equal(half, whole)
 
 
 def test_one_body_beside_many_separates_ranks_in_their_place() -> None:

@@ -17,7 +17,7 @@ import numpy as np
 from fcsim.arrays import FloatArray, IntArray
 from fcsim.problem.distributed import DistributedDelassus
 from fcsim.solvers.newton.systems.two_level.joints import numbers_of_pairs
-from fcsim.solvers.newton.systems.two_level.over_ranks._patch_kernels import add_part
+from fcsim.solvers.newton.systems.two_level.over_ranks._patch_kernels import add_lower, add_part, lower
 from fcsim.solvers.newton.systems.two_level.patches import PATCH_UP_TO, SHARE, chosen, joints_beside, missed_by_joints, solved
 from fcsim.threads import pieces, side_by_side
 
@@ -65,20 +65,33 @@ def patched_over_ranks(
     counts = np.array([[len(at) for at in of_ranks] for of_ranks in places])
     solver = solvers_of(patches, counts)
     mine = np.flatnonzero(solver == world.number)
-    sizes = (d * counts) ** 2 * (solver[:, None] != np.arange(world.size))  # that are sent (patches, ranks)
+    sizes = d * counts * (d * counts + 1) // 2 * (solver[:, None] != np.arange(world.size))  # that are sent (patches, ranks): symmetric
+    sent = np.flatnonzero(sizes[:, world.number])
+    sent = sent[np.argsort(solver[sent], kind="stable")]
+
+    def part(p: int) -> FloatArray:
+        return W.own_part(patches[p][places[p][world.number]])
+
+    def given_part(p: int) -> FloatArray:
+        return lower(part(p))
+
+    most = sizes.sum(axis=0).max() - sizes[:, world.number].sum()  # a rank that sends less makes parts of its own patches meanwhile
+    early = np.count_nonzero(np.cumsum((d * counts[mine, world.number]) ** 2 // 2) <= most)
     with layout.together("patches of joints"):
-        given = _joined([W.own_part(patches[p][places[p][world.number]]) for p in np.flatnonzero(sizes[:, world.number]).tolist()])
+        given = _joined(side_by_side([partial(given_part, p) for p in sent.tolist()]))
+        parts = side_by_side([partial(part, p) for p in mine[:early].tolist()])
     with world.unasked("patches of joints"):
-        received = world.gathered(given, sizes.sum(axis=0)) if sizes.any() else given
-        begins = np.cumsum(sizes.T.ravel()).reshape(sizes.T.shape).T - sizes  # in what is received (patches, ranks)
+        lengths = sizes.T @ (solver[:, None] == np.arange(world.size))
+        received = world.exchanged(given, lengths) if sizes.any() else given
+        begins = np.cumsum(sizes[mine].T.ravel()).reshape(world.size, -1).T - sizes[mine]  # in what is received (own patches, ranks)
         answers: list[FloatArray] = [np.empty(0)] * len(mine)
 
         def solve(begin: int, end: int) -> None:
             for i in range(begin, end):
                 p, own = mine[i], patches[mine[i]]
-                shares = [received[at : at + size] for at, size in zip(begins[p], sizes[p], strict=True)]
+                shares = [received[at : at + size] for at, size in zip(begins[i], sizes[p], strict=True)]
                 here = places[p][world.number]
-                W_own = _summed(W.own_part(own[here]), here, shares, places[p], len(own), d)
+                W_own = _summed(parts[i] if i < early else part(p), here, shares, places[p], len(own), d)
                 answers[i] = solved(W_own, u[own], r[own], mu[own], rho[own], weight[own]) - r[own]
 
         side_by_side([partial(solve, begin, end) for begin, end in pieces(len(mine), 1)])
@@ -113,14 +126,15 @@ def solvers_of(patches: list[IntArray], known: IntArray) -> IntArray:
 
 
 def _summed(own: FloatArray, own_places: IntArray, shares: list[FloatArray], places: list[IntArray], n: int, d: int) -> FloatArray:
-    """W (n d, n d) of a patch from this rank's part of it at `own_places` of its contacts, and the others' shares, empty: none."""
+    """W (n d, n d) of a patch from this rank's part of it at `own_places` of its contacts, and the others' shares, by rows up to the
+    diagonal, empty: none."""
     W = own
     if len(own_places) < n:
         W = np.zeros((n * d, n * d))
         add_part(own, own_places, d, W)
     for share, at in zip(shares, places, strict=True):
         if len(share):
-            add_part(share.reshape(d * len(at), -1), at, d, W)
+            add_lower(share, at, d, W)
     return W
 
 

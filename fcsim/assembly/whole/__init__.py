@@ -1,0 +1,1 @@
+"""Matrices of all bodies as a whole, for who reads their entries."""
