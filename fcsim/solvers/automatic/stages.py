@@ -38,6 +38,7 @@ from fcsim.solvers.automatic.later import (
     exhausted,
     in_place_of_sweeps,
     interior_is_first,
+    interior_leads,
     on_a_path,
 )
 from fcsim.solvers.automatic.over_ranks import automatic_over_ranks
@@ -145,7 +146,15 @@ def _enter_newton(race: Race) -> bool:
     return newton_first(race) or dearer_than_newton(race, swept(race))
 
 
+def _enter_interior_first(race: Race) -> bool:
+    return interior_leads(race) and _proximal_is_due(race)
+
+
 def _enter_proximal(race: Race) -> bool:
+    return not interior_leads(race) and _proximal_is_due(race)
+
+
+def _proximal_is_due(race: Race) -> bool:
     if proximal_first(race) or (race.over("sweeps") and (race.over("Newton") or singular_here(race))):
         return True
     if not race.over("Newton"):
@@ -227,6 +236,16 @@ STAGES: tuple[Stage, ...] = (
         turns=methods.newton,
         price=_newton,
         alone=lambda race, runner: True,
+    ),
+    Stage(
+        "interior point first",
+        "IPM-COULOMB from zero by one path. Enters in the place of proximal Newton where faces of so many bodies hold one another that "
+        "its iterations cost little more. Alone, left below 1e-4 and where its path does not lead on.",
+        enters=_enter_interior_first,
+        turns=methods.interior_first,
+        price=lambda race: race.prices.interior,
+        alone=lambda race, runner: True,
+        left=lambda race, runner: runner.monitor.best <= BESIDE or not on_a_path(runner),
     ),
     Stage(
         "proximal Newton",
