@@ -103,8 +103,9 @@ def _holds(layout: BodyLayout, number: int, support: Support) -> list[Hold | Tur
     body = layout.bodies[layout.body_number(support.body)]
     known = DIRECTIONS[d] if isinstance(body, RigidBody) else DIRECTIONS[d][:d]
     named = support.directions if isinstance(support.directions, tuple | list | str) else ()
-    if not named or any(direction not in known for direction in named):
-        raise InputError(f"support of body {support.body!r}: expected directions among {', '.join(known)}, got {shown(support.directions)}")
+    if not named or (wrong := [direction for direction in named if direction not in known]):
+        got = shown(wrong[0] if named and len(named) > 1 and not isinstance(named, str) else support.directions)
+        raise InputError(f"support of body {support.body!r}: expected directions among {', '.join(known)}, got {got}")
     axes = np.eye(d) if support.axes is None else np.array(support.axes)
     if axes.shape != (d, d):
         raise InputError(f"support of body {support.body!r}, axes: expected a rotation matrix ({d}, {d}), got {axes.shape}")

@@ -65,9 +65,8 @@ class Branch:
 def push_by_displacement(problem: MasonryProblem, *, step: float | None = None, to: float | None = None) -> Branch:
     """Return the curve of multiplier by displacement until the multiplier is zero, it runs away, or the displacement is `to` [m].
 
-    step [m]: of the displacement, by default 1e-3 of the structure's extent; shorter where the multiplier drops. to: by default half its
-    extent. InputError where loads that grow have several directions, move
-    nothing, or find a structure that falls already.
+    step [m]: of the displacement, by default 2.5e-4 of the structure's extent; shorter where the multiplier drops. to: by default half its
+    extent. InputError where loads that grow have several directions, move nothing, or find a structure that falls already.
     """
     steps = [(displacement, multiplier) for _, displacement, multiplier in branch_steps(problem, step=step, to=to)]
     ran_away = len(steps) > 1 and steps[-1][1] < -_DROP * max(multiplier for _, multiplier in steps)
