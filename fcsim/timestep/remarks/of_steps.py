@@ -15,6 +15,7 @@ from fcsim.timestep.remarks.lumped_inertia import LumpedInertia
 from fcsim.timestep.remarks.of_laws.carried_round import CarriedRound
 from fcsim.timestep.remarks.of_laws.rigid_joints import rigid_joints
 from fcsim.timestep.remarks.of_laws.struck_together import struck_together
+from fcsim.timestep.remarks.of_laws.turned_slip import turned_slip
 from fcsim.timestep.remarks.spinning import spinning
 from fcsim.timestep.step import Step
 
@@ -37,6 +38,7 @@ class StepRemarks:
             | dented(step, self._detection, self._steps, when, said)
             | driven_parts(step, when, said)
             | struck_together(step, when, said)
+            | turned_slip(step, when, said)
             | rigid_joints(step, when, said)
             | self._carried(step, found, when, said)
         )
