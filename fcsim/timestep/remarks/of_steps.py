@@ -6,6 +6,7 @@ from fcsim.assembly.kinematics.deformation import Deformation
 from fcsim.contact_detection import Detection
 from fcsim.timestep.limits import remarks
 from fcsim.timestep.regularisation.out_of_balance import out_of_balance
+from fcsim.timestep.remarks.bearing_nothing import bearing_nothing
 from fcsim.timestep.remarks.coarse import coarse
 from fcsim.timestep.remarks.dented import dented
 from fcsim.timestep.remarks.driven_parts import driven_parts
@@ -37,6 +38,7 @@ class StepRemarks:
             | coarse(step, found, self._steps, when, said)
             | dented(step, self._detection, self._steps, when, said)
             | driven_parts(step, when, said)
+            | bearing_nothing(step, self._detection, when, said)
             | struck_together(step, when, said)
             | turned_slip(step, when, said)
             | rigid_joints(step, when, said)
