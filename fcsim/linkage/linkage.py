@@ -17,6 +17,7 @@ from fcsim.arrays import BoolArray, FloatArray, IntArray, is_number, numbers_of
 from fcsim.assembly.kinematics.frames import FloatingGroup
 from fcsim.assembly.model import Model
 from fcsim.brief import shown
+from fcsim.contact_detection.contacts import CABLES
 from fcsim.errors import InputError
 from fcsim.linkage.links import Ball, Bonded, Cable, Control, Hinge, Link, Rod, Slider, SpringDamper, Tied
 from fcsim.linkage.moments import Couple, Couples, gathered, without_moments
@@ -171,10 +172,14 @@ class Linkage:
         found = (_couple(self.model, piece, *rows) for piece, *rows in zip(self._pieces, first[:-1], first[1:], strict=True))
         return gathered(couple for couple in found if couple is not None)
 
-    def force(self, name: str, rows: Rows, force: FloatArray) -> FloatArray:
-        """Resultant (d,) [N] of the forces (p,) of one link's rows on its first body."""
+    def cable_identity(self, name: str) -> int | None:
+        """The identity of the contact that a cable is, None of other links; InputError where no link has the name."""
         if name not in self.names:
             raise InputError(f"link {name!r}: expected one of {', '.join(map(repr, self.names))}")
+        return next((CABLES + k for k, piece in enumerate(self.cables) if piece.link.name == name), None)
+
+    def force(self, name: str, rows: Rows, force: FloatArray) -> FloatArray:
+        """Resultant (d,) [N] of the forces (p,) of one link's rows on its first body."""
         link = self.links[self.names.index(name)]
         own = self.of_row == self.names.index(name)
         sign = -1.0 if isinstance(link, Slider) else 1.0  # a slider's rows push the second body

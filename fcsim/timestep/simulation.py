@@ -29,7 +29,7 @@ from fcsim.timestep.creation import REST, energy_at_rest, refuse_creation
 from fcsim.timestep.encounter import Anew, Encounter, encounter, met_on_the_way
 from fcsim.timestep.energy import Energy
 from fcsim.timestep.limits import NAMED_STRAIN, Limits, refuse_beyond
-from fcsim.timestep.links.linked import linked, refuse_linkage
+from fcsim.timestep.links.linked import linked, refuse_linkage, refuse_unseen_cables
 from fcsim.timestep.reactions.warm_start import MEMORY
 from fcsim.timestep.regularisation.doubts import doubts
 from fcsim.timestep.remarks.arguments import refuse_arguments, whole_number
@@ -97,6 +97,7 @@ class Simulation:
         refuse_linkage(self.linkage, self.model)
         if self.initial is not None:
             refuse_misplaced(self.model, self.initial)
+        refuse_unseen_cables(self.linkage, self.model, self.detector, self.initial)
 
     def __iter__(self) -> Iterator[Step]:
         return self.run()
@@ -341,6 +342,7 @@ class Simulation:
             lead=past.lead,
             linearised=answer.linearised,
             linked=links.rows,
+            linkage=self.linkage,
             penetration=end.penetration,
             struck=impact,
         )

@@ -19,6 +19,7 @@ from fcsim.brief import brief, refused
 from fcsim.contact_detection.contacts import Contacts
 from fcsim.contact_law.law import NOTHING, Breaking, Variables
 from fcsim.errors import InputError
+from fcsim.linkage import Linkage
 from fcsim.problem import GlobalProblem, contact_status
 from fcsim.problem.reduction import Reduction
 from fcsim.problem.rolling import GlobalRollingProblem
@@ -103,7 +104,7 @@ class Step:
     encounter         the contacts under their law: what it was told and what it gave
     variables         what the law remembers at the end of the step
     ledger, lead      see `Moment`
-    linked            the rows of its links, None where there are none
+    linked, linkage   the rows of its links, None where there are none; all links of the simulation, cables too
     linearised        with nonlinear bodies: the problems that led to the last one, see `Linearised`; of the last sub-step
     remarks           what is to be known of the run from this step on, see `Limits`
     penetration       deepest [m] at the end of the step, as detection sees it, at least 0; see `AtEnd`
@@ -139,6 +140,7 @@ class Step:
     remarks: tuple[str, ...] = ()
     linearised: tuple[Linearised, ...] = ()
     linked: Linked | None = None
+    linkage: Linkage | None = None
     penetration: float = 0.0
     struck: Energy | None = None
 
@@ -211,8 +213,13 @@ class Step:
 
     def link_force(self, name: str) -> FloatArray:
         """Resultant (d,) [N] of the forces of a link on the first body that it names, in world axes."""
-        if self.linked is None:
+        if self.linkage is None:
             raise InputError(f"link {name!r}: expected a simulation with a linkage, got one without")
+        cable = self.linkage.cable_identity(name)
+        if cable is not None:  # a contact, none where it is slack
+            pull: FloatArray = self.force_in_space[self.contacts.identity == cable].sum(axis=0)
+            return pull
+        assert self.linked is not None  # what is no cable has rows
         forces = self.force_per_reaction * self._multiplier
         return self.linked.linkage.force(name, self.linked.rows, forces)
 

@@ -23,7 +23,7 @@ from fcsim.linkage import (
     WithCables,
     without_contact_of,
 )
-from fcsim.mesh import Body, Material, brick, rectangle, rigid_box, rigid_rectangle
+from fcsim.mesh import Body, Material, brick, rectangle, rigid_box, rigid_rectangle, rigid_sphere
 from fcsim.mesh.material import neo_hooke
 from fcsim.solvers import solve
 
@@ -267,6 +267,38 @@ def test_a_cable_is_slack_then_taut() -> None:
         if 2.0 * step.state.t < taut - 0.05:
             assert x[0] == pytest.approx(2.0 * step.state.t)
     assert step.state.x[0] < 1.0 and step.contact_force[0, 0] >= 0
+
+
+def test_the_tension_of_cables_on_a_wheel_and_where_nothing_else_is_linked() -> None:
+    """3 and 2 kg on cables at both sides of a wheel of 2 kg: a = g (3 - 2) / (3 + 2 + I / R^2), tensions 3 (g - a) and 2 (g + a); and a
+    body that hangs: its weight, on the first body towards the second, upwards. A slack cable pulls nothing."""
+    R = 0.5
+    hung = [rigid_rectangle(n, (0.1, 0.1), (x, -1.05), m) for n, x, m in (("a", -R, 3.0), ("b", R, 2.0))]
+    bodies = [rigid_sphere("wheel", R, (0, 0), 2.0), *hung]
+    model = fcsim.build_model(bodies, gravity=lambda t: (0.0, -G))
+    cables = [Cable(f"to {n}", "wheel", n, ((x, 0.0), (x, -1.0))) for n, x in (("a", -R), ("b", R))]
+    slack = Cable("slack", "wheel", "a", ((0, 0), (-R, -1.0)), length=2.0)
+    linkage = Linkage(model, [Ball("axle", "wheel", None, (0.0, 0.0)), *cables, slack])
+    detection = WithCables(Nothing(model), linkage)
+    *_, last = fcsim.Simulation(model, detection, fcsim.Theta(1e-4), 10, linkage=linkage, witness=None)
+    a = G / 6
+    assert last.link_force("to a") == pytest.approx([0, -3 * (G - a)], rel=1e-4, abs=1e-2)
+    assert last.link_force("to b") == pytest.approx([0, -2 * (G + a)], rel=1e-4, abs=1e-2)
+    assert last.link_force("slack") == pytest.approx([0, 0], abs=1e-12)
+
+    model = fcsim.build_model([rigid_box("s", (0.02,) * 3, (0, 0, 0), 1.0)], gravity=lambda t: (0.0, 0.0, -G))
+    linkage = Linkage(model, [Cable("rope", "s", None, ((0, 0, 0), (0, 0, 0.5)))])
+    *_, last = fcsim.Simulation(model, WithCables(Nothing(model), linkage), fcsim.Theta(1e-2), 3, linkage=linkage, witness=None)
+    assert last.link_force("rope") == pytest.approx([0, 0, G], rel=1e-8)
+    with pytest.raises(InputError, match="link 'roep': expected one of 'rope'"):
+        last.link_force("roep")
+
+
+def test_cables_that_the_detection_does_not_know_are_refused() -> None:
+    model = fcsim.build_model([rigid_box("s", (0.02,) * 3, (0, 0, 0), 1.0)], gravity=lambda t: (0.0, 0.0, -G))
+    linkage = Linkage(model, [Cable("rope", "s", None, ((0, 0, 0), (0, 0, 0.5)))])
+    with pytest.raises(InputError, match=r"link 'rope': expected a detection that knows of cables, WithCables\(detector, linkage\)"):
+        fcsim.Simulation(model, fcsim.Everything(model, 0.0), fcsim.Theta(1e-2), 3, linkage=linkage, witness=None)
 
 
 def test_links_and_contact_in_one_problem_as_files_hold_it(tmp_path: Any) -> None:

@@ -41,6 +41,8 @@ import scipy.sparse as sp
 from fcsim.arrays import BoolArray, FloatArray
 from fcsim.assembly.model import Model
 from fcsim.brief import brief
+from fcsim.contact_detection import Detection
+from fcsim.contact_detection.contacts import CABLES
 from fcsim.errors import InputError
 from fcsim.linkage.linkage import Linkage, Rows
 from fcsim.linkage.stiffness import link_stiffness
@@ -201,6 +203,19 @@ def refuse_linkage(linkage: Linkage | None, model: Model) -> None:
     """InputError for links of another model, or of bodies that they cannot hold."""
     if linkage is not None and linkage.model.bodies != model.bodies:
         raise InputError("linkage: expected the links of the simulation's model, got those of another one")
+
+
+def refuse_unseen_cables(linkage: Linkage | None, model: Model, detection: Detection, initial: State | None) -> None:
+    """InputError for cables that the detection does not find: contacts are all that holds them, so they would hold nothing."""
+    if linkage is None or not linkage.cables:
+        return
+    found = detection(model.positions(np.zeros(model.n_dofs) if initial is None else initial.x))
+    unseen = np.setdiff1d(CABLES + np.arange(len(linkage.cables)), found.identity) - CABLES
+    if unseen.size:
+        raise InputError(
+            f"link {linkage.cables[int(unseen[0])].link.name!r}: expected a detection that knows of cables, WithCables(detector, linkage), "
+            f"got {type(detection).__name__} without them: nothing would hold it"
+        )
 
 
 def linked(linkage: Linkage | None, model: Model, scheme: Scheme, state: State) -> Linked | None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from fcsim.arrays import FloatArray
@@ -13,29 +15,43 @@ from fcsim.timestep.step import Step
 ON_THE_WAY, AT_THE_END = 0.2, 0.02
 """Share of the forces on a body from which on it is named, while loads grow and in the last step of a run."""
 
+SEEN = 1e-4
+"""Of the forces on a body: from which share on it is asked, too, what share of their work the mass takes, which says how much less the body
+gives way. Clamps press by many times the load that bends what they hold, and do no work."""
+
 NONE = 1e-6
 """Of the largest forces on a body of the model: bodies with less are asked relative to that."""
 
 
 def out_of_balance(step: Step, steps: int, when: str, said: frozenset[str]) -> dict[str, str]:
-    """The remark, by its kind, on the body of which eta / h^2 M dx carries the largest share of the forces on it; steps: of the run."""
+    """The remark, by its kind, on the body of which eta / h^2 M dx carries the largest share of the forces on it, or takes that of their
+    work; steps: of the run."""
     scheme, last = step.scheme, step.number == steps
     kind = "out of balance at the end" if last else "out of balance"
     if not isinstance(scheme, QuasiStatic) or not scheme.eta or kind in said:
         return {}
-    shares = _shares(step, scheme)
-    worst = int(np.argmax(shares))
-    if shares[worst] < (AT_THE_END if last else ON_THE_WAY):
-        return {}
+    least = AT_THE_END if last else ON_THE_WAY
+    shares, of_work = _shares(step, scheme)
+    of_work = np.where(shares > SEEN, of_work, 0.0)
     means = "smaller steps of the loads" if not last else "more steps in which loads stand"
-    return {
-        kind: f"{when}: {shares[worst]:.2g} of the forces on body {step.model.bodies[worst].name!r} are carried by the mass that "
-        f"regularises statics, eta = {scheme.eta:g} at h = {scheme.h:g}: it is not in equilibrium. What helps: {means}, or a smaller eta"
-    }
+    mass = f"the mass that regularises statics, eta = {scheme.eta:g} at h = {scheme.h:g}"
+    if shares.max() >= least and shares.max() >= of_work.max():
+        name = step.model.bodies[int(np.argmax(shares))].name
+        said_of = f"{shares.max():.2g} of the forces on body {name!r} are carried by {mass}: it is not in equilibrium"
+    elif of_work.max() >= least:
+        name = step.model.bodies[int(np.argmax(of_work))].name
+        said_of = f"{of_work.max():.2g} of the work on body {name!r} is taken by {mass}: it gives way by about as much too little"
+    else:
+        return {}
+    return {kind: f"{when}: {said_of}. What helps: {means}, or a smaller eta"}
 
 
-def _shares(step: Step, scheme: QuasiStatic) -> FloatArray:
-    """(nb,) Sum of the sizes of eta / h^2 M dx on a body's free dofs over that of the forces on it; moments over the body's size."""
+def _shares(step: Step, scheme: QuasiStatic) -> tuple[FloatArray, FloatArray]:
+    """(nb,) Sum of the sizes of eta / h^2 M dx on a body's free dofs over that of the forces on it; moments over the body's size.
+
+    And (nb,) the work dx . (eta / h^2 M dx) over that of the forces, sums of sizes too: of (K + R) dx = f the share by which dx . f is too
+    small. Rigid bodies do not give way: 0.
+    """
     model, x = step.model, step.state.x
     begin = model.dof_offset[:-1]
     weight = np.ones(model.n_dofs)
@@ -46,12 +62,19 @@ def _shares(step: Step, scheme: QuasiStatic) -> FloatArray:
     inertia = scheme.eta / scheme.h**2 * model.apply_mass(dx, model.rigid_mass(step.previous.x))
     inertia -= model.driven_share(inertia)
     contact = step.H @ step.reaction
+    acting = [model.load(step.state.t, x) + pushing(model, x, When.at(step.state.t)), contact.copy(), step.support_impulse]
     rigid = model.n_elastic  # the forces of contacts on it cancel each other in a body's dofs where it is squeezed
     contact[rigid:] = np.abs(step.H)[rigid:] @ np.abs(step.reaction)
-    forces = [model.load(step.state.t, x) + pushing(model, x, When.at(step.state.t)), contact, step.support_impulse]
     if step.linked is not None and step.result.multiplier is not None:
-        forces.append(step.linked.G @ step.result.multiplier)
-    held, *others = (np.add.reduceat(weight * np.abs(force), begin) for force in (inertia, *forces))
-    size = np.maximum.reduce([held, *others])
+        acting.append(step.linked.G @ step.result.multiplier)
+    forces = [acting[0], contact, *acting[2:]]
+    work = _relative([np.add.reduceat(np.abs(dx * force), begin) for force in (inertia, *acting)])
+    work[begin >= model.n_elastic] = 0.0
+    return _relative([np.add.reduceat(weight * np.abs(force), begin) for force in (inertia, *forces)]), work
+
+
+def _relative(sums: Sequence[FloatArray]) -> FloatArray:
+    """(nb,) The first of the sums (nb,) over the largest."""
+    size = np.maximum.reduce(sums)
     size = np.maximum(size, NONE * float(size.max(initial=0.0)))
-    return np.divide(held, size, out=np.zeros_like(held), where=size > 0)
+    return np.divide(sums[0], size, out=np.zeros_like(size), where=size > 0)

@@ -6,6 +6,7 @@ from fcsim.assembly.kinematics.deformation import Deformation
 from fcsim.contact_detection import Detection
 from fcsim.timestep.limits import remarks
 from fcsim.timestep.regularisation.out_of_balance import out_of_balance
+from fcsim.timestep.remarks.bearing_nothing import bearing_nothing
 from fcsim.timestep.remarks.coarse import coarse
 from fcsim.timestep.remarks.dented import dented
 from fcsim.timestep.remarks.driven_parts import driven_parts
@@ -15,6 +16,7 @@ from fcsim.timestep.remarks.lumped_inertia import LumpedInertia
 from fcsim.timestep.remarks.of_laws.carried_round import CarriedRound
 from fcsim.timestep.remarks.of_laws.rigid_joints import rigid_joints
 from fcsim.timestep.remarks.of_laws.struck_together import struck_together
+from fcsim.timestep.remarks.of_laws.turned_slip import turned_slip
 from fcsim.timestep.remarks.spinning import spinning
 from fcsim.timestep.step import Step
 
@@ -36,7 +38,9 @@ class StepRemarks:
             | coarse(step, found, self._steps, when, said)
             | dented(step, self._detection, self._steps, when, said)
             | driven_parts(step, when, said)
+            | bearing_nothing(step, self._detection, when, said)
             | struck_together(step, when, said)
+            | turned_slip(step, when, said)
             | rigid_joints(step, when, said)
             | self._carried(step, found, when, said)
         )

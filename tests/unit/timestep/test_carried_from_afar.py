@@ -165,3 +165,15 @@ def test_bodies_that_supports_drive_alike_do_not_touch(record: Callable[[float],
     model = build_model(bodies, supports=supports)
     found = Everything(model, 0.5)(model.reference)
     assert {tuple(sorted(model.bodies[k].name for k in pair)) for pair in found.bodies} == {("other", "right"), ("fixed", "other")}
+
+
+@pytest.mark.parametrize(("height", "said"), [(1.49, True), (1.51, False)])
+def test_a_ball_brought_over_the_edge_into_the_top_is_named_where_it_bears_nothing(height: float, said: bool) -> None:
+    """It ends 1 cm in the top of a block that it came to from 3 m beside in four steps, or passes 1 cm above it."""
+    block = Body("block", brick("block", (1.0, 1.0, 1.0), (12, 12, 4), Material(1e6, 0.0, 1000.0), origin=(-0.5, -0.5, 0.0)))
+    supports = [Support("ball", ("x",), velocity=4.0), Support("ball", ALL[1:]), Support("block", ("x", "y", "z"), "z-")]
+    model = build_model([rigid_sphere("ball", 0.5, (-4.0, 0.0, height), 1.0), block], supports=supports)
+    run = list(Simulation(model, ExactContacts(model, 0.0), QuasiStatic(0.25), 4))
+    names = [text for step in run for text in step.remarks if "bear nothing" in text]
+    assert len(names) == said and all("'block' and 'ball' end the load step 0.01 m" in text for text in names)
+    assert bool(run[-1].contact_force_on(1).any()) is False

@@ -1,13 +1,15 @@
 """What the mass that regularises statics is not: a force of supports, nor of a rigid body that is squeezed; and what it has to be."""
 
+import re
 from functools import partial
 
+import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from fcsim import Body, Everything, ExactContacts, Material, QuasiStatic, Simulation, Step, Support, build_model
+from fcsim import Body, Everything, ExactContacts, Material, QuasiStatic, Simulation, Step, Support, Traction, build_model
 from fcsim.errors import NotConverged
-from fcsim.mesh import brick, rectangle, rigid_rectangle, rigid_sphere
+from fcsim.mesh import brick, rectangle, rigid_rectangle, rigid_sphere, with_surface
 
 
 def test_a_plate_of_any_mass_presses_with_the_force_of_what_it_presses() -> None:
@@ -54,3 +56,28 @@ def test_a_ball_that_is_squeezed_is_in_equilibrium() -> None:
         squeezed(1e-2)
     enough = squeezed(float(str(told.value).rsplit(" ", 1)[1]))
     assert_allclose(enough.contact_force_on(1)[2], upper, rtol=1e-4)
+
+
+def clamped(eta: float) -> tuple[float, list[str]]:
+    """Deflection [m] of a steel strip of 1 m between jaws, 20 mm thick, under 10 kPa, and what is said of the mass."""
+    steel = Material(E=2e11, nu=0.3, density=7800.0)
+    strip = rectangle("strip", (1.4, 0.02), (56, 2), steel, elements="Q1-enhanced", origin=(-0.7, 0.0))
+    part = with_surface(strip, "span", lambda x: (x[1] > 0.02 - 1e-9) & (np.abs(x[0]) <= 0.5 + 1e-9))
+    jaws = [rigid_rectangle(f"jaw {x} {y}", (0.2, 0.1), (x, y), 1.0) for x in (-0.6, 0.6) for y in (-0.05, 0.07)]
+    supports = [Support(jaw.name, ("x", "y", "rz")) for jaw in jaws] + [Support("strip", ("x",), at=(0.0, 0.0))]
+    model = build_model([Body("strip", part), *jaws], supports=supports, loads=[Traction("strip", "span", (0.0, -1e4))])
+    (step,) = Simulation(model, Everything(model, mu=0.0), QuasiStatic(1.0, eta=eta), 1)
+    return -float(step.state.x[: model.n_elastic].min()), [text for text in step.remarks if "regularises statics" in text]
+
+
+def test_a_strip_between_jaws_that_the_mass_holds_up_is_named_by_what_it_lacks() -> None:
+    """Jaws press by many times the load, so that the mass carries little of all forces, and yet a fifth of the deflection is missing."""
+    right, nothing = clamped(10.0)
+    assert_allclose(right, 1e4 * (1 - 0.3**2) / (32 * 2e11 * 0.02**3), rtol=0.1)  # clamped q L^4 / (384 D); jaws' edges give way
+    assert not nothing
+    for eta, most in ((1e4, 0.03), (1e5, 0.2)):
+        deflection, (said,) = clamped(eta)
+        share = re.search(r"([0-9.]+) of the work on body 'strip' is taken by the mass", said)
+        assert share is not None
+        assert_allclose(float(share[1]), 1 - deflection / right, rtol=0.15)
+        assert float(share[1]) < most

@@ -23,7 +23,7 @@ from fcsim import (
     contact_surface,
 )
 from fcsim.contact_law import Springs
-from fcsim.mesh import rigid_box, rigid_plane, rigid_sphere
+from fcsim.mesh import rigid_box, rigid_capsule, rigid_plane, rigid_sphere
 
 HELD = ("x", "y", "z", "rx", "ry", "rz")
 
@@ -62,6 +62,41 @@ def test_a_stack_at_rest_and_a_ball_that_bounces_are_not_struck_together() -> No
     ]
     model = build_model([floor, *balls], supports=[Support("floor", HELD)], gravity=lambda t: (0.0, 0.0, -9.81))
     assert not _said(Simulation(model, ExactContacts(model, 0.3), Theta(1e-3, 0.5, Velocity(0.5)), 150), "is struck by")
+
+
+@pytest.mark.parametrize(("mu", "e", "gives"), [(0.6, 1.0, True), (0.0, 1.0, False), (0.6, 0.0, False)])
+@pytest.mark.parametrize("h", [1e-3, 1e-4])
+def test_an_impact_to_which_friction_gives_energy_is_said(mu: float, e: float, gives: bool, h: float) -> None:
+    """A rod that strikes the floor askew with its end: the energy after the impact by Newton's restitution and the cone in closed form.
+
+    The end slides at 0.1 m/s and comes down at 1: the normal reaction alone would turn the slip round, and friction stops it.
+    """
+    L, angle, thin = 1.0, np.radians(45.0), 1e-4
+    c, s = np.cos(angle), np.sin(angle)
+    end = np.array([-0.5 * L * c, -0.5 * L * s])
+    rod = rigid_capsule("rod", thin, L, tuple(-end + [0.0, thin + 0.5e-3 * h]), 1.0, (c, s))
+    model = build_model([rigid_plane("floor", (0, 0), (0, 1)), rod], supports=[Support("floor", ("x", "y", "rz"))])
+    v = np.zeros(model.n_dofs)
+    first = model.dof_offset[model.number["rod"]]
+    v[first : first + 2] = (0.1, -1.0)
+    start = State(0.0, np.zeros(model.n_dofs), v)
+    steps = list(Simulation(model, ExactContacts(model, mu), Theta(h, 0.5, Velocity(e)), 3, initial=start, created=np.inf, witness=None))
+    inertia = float(rod.inertia[0, 0])
+    arm = end - [0.0, thin]
+    rows = np.array([[0.0, 1.0, arm[0]], [1.0, 0.0, -arm[1]]])  # normal, tangential velocity of the end
+    W = rows @ np.diag([1.0, 1.0, 1 / inertia]) @ rows.T
+    stick = np.linalg.solve(W, [1.0 + e, -0.1])
+    r = stick
+    if abs(stick[1]) > mu * stick[0]:
+        side = np.sign(stick[1])
+        r = (1.0 + e) / (W[0] @ [1.0, side * mu]) * np.array([1.0, side * mu])
+    gained = r @ (np.array([-1.0, 0.1]) + 0.5 * W @ r)
+    assert steps[-1].energy.kinetic - 0.505 == pytest.approx(gained, abs=1e-4)
+    assert (gained > 1e-3) == gives
+    said = [remark for step in steps for remark in step.remarks if "Kane" in remark]
+    assert len(said) == gives
+    if gives:
+        assert f"gives {gained:.3g} J" in said[0] or f"{100 * gained / 0.505:.2g} %" in said[0]
 
 
 def _bonded(**law: Any) -> Simulation:
