@@ -7,11 +7,12 @@ import math
 from typing import TYPE_CHECKING
 
 from fcsim.command_line.masonry.arguments import stone
-from fcsim.command_line.terminal import print_table, say
+from fcsim.command_line.terminal import Bar, print_table, say
 from fcsim.errors import EXIT_OK, InputError
 
 if TYPE_CHECKING:
     from fcsim.masonry import MasonryProblem
+    from fcsim.timestep.step import Step
 
 
 def shake_ground(options: argparse.Namespace, problem: MasonryProblem) -> int:
@@ -23,7 +24,12 @@ def shake_ground(options: argparse.Namespace, problem: MasonryProblem) -> int:
         problem = shaken(problem, options.direction, read_acceleration_record(options.record).scaled(options.factor))
     elif options.factor != 1.0:
         raise InputError("--factor: expected it with --record")
-    seen = shake(problem, duration=options.duration, h=options.h, blocks=options.blocks, stone=stone(options))
+    with Bar("step") as bar:
+
+        def watch(step: Step, steps: int) -> None:
+            bar.update(step.number, steps, f"{step.state.t:.4g} s")
+
+        seen = shake(problem, duration=options.duration, h=options.h, blocks=options.blocks, stone=stone(options), watch=watch)
     if options.out is not None:
         from fcsim.masonry.report import write_shake
         from fcsim.view.histories import draw_shake
@@ -59,7 +65,14 @@ def push_by_displacement(options: argparse.Namespace, problem: MasonryProblem) -
 
     if options.film or options.static:
         raise InputError("--branch: expected it without --film and --static")
-    branch = pushes.push_by_displacement(problem, step=options.step, to=options.to)
+    by = options.step or pushes.default_step(problem)
+    end = options.to or pushes.default_end(problem)
+    with Bar("displacement") as bar:
+
+        def watch(displacement: float, multiplier: float) -> None:
+            bar.update(round(displacement / by), round(end / by), f"{1e3 * displacement:.4g} mm, multiplier {multiplier:.4g}")
+
+        branch = pushes.push_by_displacement(problem, step=options.step, to=options.to, watch=watch)
     name = problem.title or problem.name
     if options.out is not None:
         from fcsim.view.branch import draw_branch

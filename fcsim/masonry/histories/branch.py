@@ -8,7 +8,7 @@ Floating blocks are regularised by a mass whose forces are 1e-5 of their weight;
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -62,16 +62,33 @@ class Branch:
         return float(d0 + (d1 - d0) * m0 / (m0 - m1))
 
 
-def push_by_displacement(problem: MasonryProblem, *, step: float | None = None, to: float | None = None) -> Branch:
+def push_by_displacement(
+    problem: MasonryProblem, *, step: float | None = None, to: float | None = None, watch: Callable[[float, float], None] | None = None
+) -> Branch:
     """Return the curve of multiplier by displacement until the multiplier is zero, it runs away, or the displacement is `to` [m].
 
     step [m]: of the displacement, by default 2.5e-4 of the structure's extent; shorter where the multiplier drops. to: by default half its
-    extent. InputError where loads that grow have several directions, move nothing, or find a structure that falls already.
+    extent. watch(displacement, multiplier): called after each step. InputError where loads that grow have several directions, move nothing,
+    or find a structure that falls already.
     """
-    steps = [(displacement, multiplier) for _, displacement, multiplier in branch_steps(problem, step=step, to=to)]
+    steps = []
+    for _, displacement, multiplier in branch_steps(problem, step=step, to=to):
+        steps.append((displacement, multiplier))
+        if watch is not None and np.isfinite(multiplier):
+            watch(displacement, multiplier)
     ran_away = len(steps) > 1 and steps[-1][1] < -_DROP * max(multiplier for _, multiplier in steps)
     curve = np.array(steps[:-1] if ran_away else steps)
     return Branch(curve[:, 0], curve[:, 1], not ran_away)
+
+
+def default_step(problem: MasonryProblem) -> float:
+    """Displacement [m] of a step of `push_by_displacement` where none is asked for."""
+    return 2.5e-4 * problem.size
+
+
+def default_end(problem: MasonryProblem) -> float:
+    """Displacement [m] at which `push_by_displacement` ends where none is asked for."""
+    return 0.5 * problem.size
 
 
 def branch_steps(problem: MasonryProblem, *, step: float | None = None, to: float | None = None) -> Iterator[tuple[Step, float, float]]:
@@ -81,8 +98,8 @@ def branch_steps(problem: MasonryProblem, *, step: float | None = None, to: floa
     regularising mass lets it. What contacts bear goes on smoothly there, but the mechanism is another one, that of a joint which has
     just opened, or of a block that came off, and the push by which it was held does not hold that.
     """
-    step = 2.5e-4 * problem.size if step is None else step
-    to = 0.5 * problem.size if to is None else to
+    step = default_step(problem) if step is None else step
+    to = default_end(problem) if to is None else to
     if not (is_number(step) and is_number(to) and 0 < step <= to):
         raise InputError(f"step, to: expected displacements in m with 0 < step <= to, got {shown(step)} and {shown(to)}")
     control, load = _control(problem)

@@ -7,6 +7,7 @@ damping of their stone takes what impacts make of the motion.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -23,6 +24,7 @@ from fcsim.masonry.problem import GRAVITY, BaseAcceleration, MasonryProblem
 from fcsim.masonry.structure import BlocksAre, Stone, free_nodes, structure
 from fcsim.timestep.chain import SolverSettings
 from fcsim.timestep.simulation import Simulation
+from fcsim.timestep.step import Step
 from fcsim.timestep.theta import Theta
 
 DOWN = 0.1
@@ -60,8 +62,10 @@ def shake(
     theta: float = 0.5,
     blocks: BlocksAre = "rigid",
     stone: Stone | None = None,
+    watch: Callable[[Step, int], None] | None = None,
 ) -> Shake:
-    """Return what the ground's shaking makes of a structure; blocks, stone: see `structure`.
+    """Return what the ground's shaking makes of a structure; blocks, stone: see `structure`; watch(step, steps): called after each
+    step, with how many there are.
 
     duration [s]: by default the record's and two seconds; h [s]: the step, by default a hundredth of the time in which the smallest block
     falls by its extent. InputError where no ground shakes and no block begins moved.
@@ -84,6 +88,8 @@ def shake(
     t, displacement, turn, speed, remarks = [], [], [], 0.0, list[str]()
     drop = np.zeros(len(model.bodies))
     for step in simulation:
+        if watch is not None:
+            watch(step, simulation.steps)
         t.append(step.state.t)
         remarks += step.remarks
         displacement.append(float(np.linalg.norm(model.node_displacement(step.state.x)[corners], axis=1).max()))

@@ -131,3 +131,13 @@ def test_directions_are_refused_by_the_parser(model: Path) -> None:
     for text in ("w", "1,2", "0,0,0", "1,nan,0"):
         with pytest.raises(SystemExit):
             main(["limit", str(model), "--direction", text])
+
+
+def test_long_histories_say_how_far_they_are(model: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Where a sliding structure takes 2000 equilibria, and a shaken one as many steps, nothing was said until the end."""
+    assert main(["push", str(model), "--direction", "x", "--branch", "--step", "0.002", "--to", "0.02"]) == EXIT_OK
+    assert "displacement 9 of 10: 18 mm, multiplier 0.35" in capsys.readouterr().err
+    record = model.with_name("record.csv")
+    record.write_text("t [s],a [g]\n0,0\n0.1,0.1\n0.2,0\n")
+    assert main(["shake", str(model), "--record", str(record), "--duration", "0.1", "--h", "0.01"]) == EXIT_OK
+    assert "step 10 of 10: 0.1 s" in capsys.readouterr().err
