@@ -13,20 +13,26 @@ ROUGH = 10.0
 
 
 @njit(cache=True)
+def _square(r0, r1, r2, u0, u1, u2, m, s, rough):
+    """The part of `squared_natural_residual` of a contact with friction m and compliance s."""
+    f0 = u0 + m * np.sqrt(u1 * u1 + u2 * u2)
+    x, y, z = natural_map(s * r0, s * r1, s * r2, f0, u1, u2, m)
+    part = x * x + y * y + z * z
+    if rough and u0 < 0.0:
+        least = min(m, ROUGH)
+        part = np.maximum(part, u0 * u0 / (1.0 + least * least))  # np.maximum hands NaN on
+    return part
+
+
+@njit(cache=True)
 def squared_natural_residual(r, u, mu, compliance, d, rough=True):
     """||s r - P_K(s r - (u + g(u)))||^2 with s the compliance (nc,); if rough, each contact at least as `ROUGH` says: see
     `natural_map_residual`."""
     total = 0.0
     for a in range(len(mu)):
-        i, m, s = d * a, mu[a], compliance[a]
-        u1, u2 = u[i + 1], u[i + 2] if d == 3 else 0.0
-        f0 = u[i] + m * np.sqrt(u1 * u1 + u2 * u2)
-        x, y, z = natural_map(s * r[i], s * r[i + 1], s * r[i + 2] if d == 3 else 0.0, f0, u1, u2, m)
-        part = x * x + y * y + z * z
-        if rough and u[i] < 0.0:
-            least = min(m, ROUGH)
-            part = np.maximum(part, u[i] * u[i] / (1.0 + least * least))  # np.maximum hands NaN on
-        total += part
+        i = d * a
+        r2, u2 = r[i + 2] if d == 3 else 0.0, u[i + 2] if d == 3 else 0.0
+        total += _square(r[i], r[i + 1], r2, u[i], u[i + 1], u2, mu[a], compliance[a], rough)
     return total
 
 

@@ -16,7 +16,7 @@ from fcsim.mesh.facets import match_facets
 from fcsim.mesh.order.linear_facets import linear_facets
 from fcsim.mesh.part import Body, Part, RigidBody
 from fcsim.witness._distance_kernels import Forest
-from fcsim.witness._overlap_kernels import refit
+from fcsim.witness._overlap_kernels import refit, with_means
 from fcsim.witness.exact_overlap import ExactBodies, exact_bodies
 from fcsim.witness.folding import NONE, Folding, folding, is_convex
 from fcsim.witness.tree import build_trees
@@ -77,7 +77,7 @@ class Skins(NamedTuple):
     def points(self, positions: FloatArray) -> FloatArray:
         """All points (np, 3) [m] for the nodes' positions (n_nodes, d) [m]."""
         if self.dimension == 3:
-            return np.concatenate([positions, positions[self.mean].mean(axis=1)]) if len(self.mean) else np.ascontiguousarray(positions)
+            return with_means(positions, self.mean) if len(self.mean) else np.ascontiguousarray(positions)
         n = len(positions)
         points = np.zeros((3 * n, 3))
         points[:, :2] = np.tile(positions, (3, 1))

@@ -49,6 +49,12 @@ class LateSum:
             diagonal_of_shares(*self.shares.h, *run, blocks)
         return blocks
 
+    @cached_property
+    def _ends_of_runs(self) -> IntArray:
+        """The first body of each run, and the one behind its last (2, runs)."""
+        runs = self.shares.runs
+        return np.array([[begin for begin, _, _ in runs], [begin + len(kind) for begin, _, kind in runs]], dtype=np.int64)
+
     def part(self, rows: IntArray, columns: IntArray) -> FloatArray:
         """W of the contacts `rows` and `columns` (3 rows, 3 columns)."""
         values, place = np.zeros((3 * len(rows), 3 * len(columns))), np.full(self.shares.nc, -1)
@@ -57,10 +63,11 @@ class LateSum:
         if not lower:
             wanted = np.full(self.shares.nc, -1)
             wanted[rows] = np.arange(len(rows))
-        bodies = self.product.bodies_of(rows)
-        for begin, C, kind in self.shares.runs:
-            some = bodies[np.searchsorted(bodies, begin) : np.searchsorted(bodies, begin + len(kind))] - begin
-            rows_of_shares(*self.shares.h, begin, C, kind, some, wanted, place, lower, values)
+        bodies, runs = self.product.bodies_of(rows), self.shares.runs
+        firsts, ends = np.searchsorted(bodies, self._ends_of_runs).tolist()
+        for (begin, C, kind), first, end in zip(runs, firsts, ends, strict=True):
+            if first < end:  # few of a rank's runs, which others' bodies part from one another, are at a patch
+                rows_of_shares(*self.shares.h, begin, C, kind, bodies[first:end] - begin, wanted, place, lower, values)
         if lower:
             mirrored(values)
         return values

@@ -51,6 +51,8 @@ def _rho(first: FloatArray, memory: Memory | None) -> FloatArray:
     earlier = None if memory is None else memory.earlier(AdaptedRho)
     if memory is None or earlier is None or earlier.rho.shape[1] != first.shape[1]:
         return first
+    if np.array_equal(earlier.identity, memory.identity):
+        return np.clip(earlier.rho, *adaptive_range(first))
     place, rho = earlier.places(memory.identity), first.copy()
     rho[place >= 0] = earlier.rho[place[place >= 0]]
     return np.clip(rho, *adaptive_range(first))

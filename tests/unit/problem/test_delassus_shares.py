@@ -15,8 +15,9 @@ from fcsim.linear import storage
 from fcsim.linear.joints import joint_rows
 from fcsim.linear.late.late_rows import LateRows, in_blocks
 from fcsim.problem import Delassus, LocalProblem, delassus_sum
+from fcsim.problem.bodies import late as late_module
 from fcsim.problem.bodies import product as bodies_product
-from fcsim.problem.bodies.late import summed_late
+from fcsim.problem.bodies.late import late_sum, summed_late
 from fcsim.problem.bodies.product import ShareProduct
 from fcsim.problem.bodies.shares import BodyShares, Run
 from fcsim.problem.delassus_sum import DelassusSum
@@ -158,6 +159,22 @@ def test_derived_arrays_have_entries_alone() -> None:
     W.data = np.zeros_like(W.data)
     assert not np.any(W @ np.ones(3 * NC))
     assert not np.any(Delassus(W).diagonal)
+
+
+def test_a_part_asks_the_runs_of_its_bodies_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Contacts 3 and 8 are between the bodies 3 and 4, of both runs, 0 and 10 between the first two, 4 and 9 between the last two, of one;
+    a rank of a wall has some forty runs, and a patch's bodies are in few of them."""
+    total, shares, expected = chain([0] * BODIES)
+    asked, rows_of_shares = list[int](), late_module.rows_of_shares
+    monkeypatch.setattr(late_module, "rows_of_shares", lambda *given: asked.append(given[5]) or rows_of_shares(*given))
+    source = late_sum(total, shares)
+    assert source is not None
+    for contacts, runs in (((0, 10), [0]), ((3, 8), [0, 4]), ((4, 9), [4]), ((), [])):
+        some = np.array(contacts, dtype=np.int64)
+        unknowns = (3 * some[:, None] + np.arange(3)).ravel()
+        asked.clear()
+        assert_allclose(source.part(some, some), expected[np.ix_(unknowns, unknowns)], rtol=0, atol=1e-13 * np.abs(expected).max())
+        assert asked == runs
 
 
 def test_joints_are_found_without_entries() -> None:

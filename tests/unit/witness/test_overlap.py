@@ -21,6 +21,7 @@ from fcsim.mesh import (
     rigid_rectangle,
     rigid_sphere,
 )
+from fcsim.witness._overlap_kernels import with_means
 from fcsim.witness.overlap import PairOverlaps, measure
 from fcsim.witness.skin import skins_of
 from tests.unit.contact_detection.general.strips import arc, bent, fork, hollow, strip
@@ -256,3 +257,10 @@ def test_meshed_bodies_in_planes_and_cylinders_in_all() -> None:
     beside = overlap(drum, rigid_cylinder("twin", 0.5, 1.0, (0.96, 0, 0), 1.0, axis=(0, 0, 1)))
     assert beside.depth.max() == pytest.approx(0.04, rel=0.05)
     assert not len(overlap(drum, rigid_cylinder("twin", 0.5, 1.0, (1.01, 0, 0), 1.0, axis=(0, 0, 1))).depth)
+
+
+def test_centres_of_facets_have_the_bits_of_their_nodes_mean() -> None:
+    """As NumPy sums and rounds it, which an overlap of touching bodies depends on."""
+    positions = np.random.default_rng(0).standard_normal((50, 3))
+    quads = np.random.default_rng(1).integers(0, 50, (400, 4))
+    assert np.array_equal(with_means(positions, quads), np.concatenate([positions, positions[quads].mean(axis=1)]))

@@ -95,7 +95,7 @@ class PreconditionerOverRanks:
             return None
         if not np.array_equal(joints.all_bodies, bodies) or diagonal.shape != joints.diagonal_of_W.shape:
             return None
-        if np.any(np.abs(diagonal - joints.diagonal_of_W).max(1) > CHANGED * joints.diagonal_of_W.max(1)):
+        if kernels.moved(diagonal, joints.diagonal_of_W, CHANGED):
             return None
         other = copy(self)
         other._steps, self.given_away = self._steps + 1, True

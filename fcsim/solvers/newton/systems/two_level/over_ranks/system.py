@@ -99,7 +99,7 @@ class TwoLevelOverRanks:
         rows are normalised where this rank has them."""
         joints = precondition.joints
         halo, parts = joints.halo, joints.parts
-        A, B, rhs, diagonal = (values[halo.contacts] for values in given)
+        A, B, rhs, diagonal = (values.take(halo.contacts, axis=0, mode="clip") for values in given)
         A, B, rhs = kernels.normalised(A, B, rhs, diagonal.mean(1))
         try:
             precondition.update(A[joints.in_halo], B[joints.in_halo], changed_by)
