@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
 
-from fcsim.arrays import BoolArray, FloatArray
+from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.assembly.model import Model
 from fcsim.brief import brief
 from fcsim.contact_detection import Detection, Detector, contact_matrix_of_bodies
@@ -43,6 +43,7 @@ class Encounter:
     moments   (n_dofs, 2 nc) contact matrix of rolling moments, (n_dofs, 3 nc) with spinning resistance; None without either, see
               `rolling_rows`
     passing   what the law leaves out and the bodies would go through within the step, see `passing`; None where there is nothing
+    ending    (n, 2) pairs of bodies that a load step of statics carries over each other, held where they end it, see `look_ahead`
     """
 
     contacts: Contacts
@@ -53,6 +54,7 @@ class Encounter:
     moments: sp.csc_array | None = None
     left: Contacts | None = None
     driven: Driven | None = None
+    ending: IntArray = field(default_factory=lambda: np.empty((0, 2), dtype=np.int64))
 
     __repr__ = brief
 

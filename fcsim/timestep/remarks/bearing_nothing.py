@@ -15,7 +15,7 @@ def bearing_nothing(step: Step, detection: Detection, when: str, said: frozenset
     """The remark on the first two bodies that end a load step deeper than `DEEP` in each other and bear nothing.
 
     A step knows the contacts of its beginning and those on its way (`look_ahead`), in the places and along the normals found there. What
-    comes from far beside, as a ball that is brought over the edge of a block, is found elsewhere on it than where it ends.
+    comes from far beside may have been found elsewhere on the other body than where it ends.
     """
     if step.scheme.timing.moving or "bears nothing" in said or not len(step.contacts):
         return {}
