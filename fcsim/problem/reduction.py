@@ -39,8 +39,8 @@ from fcsim.runtime import limited_threads
 
 CONTACTS_AT_ONCE = 1000
 """Contacts whose own blocks of W are computed together where W as a whole is not wanted."""
-FEW = 0.5
-"""Degrees of freedom over contact unknowns up to which methods may work in the bodies' velocities."""
+FEW, FEW_OF_LARGE, LARGE_FROM = 0.6, 0.5, 3000
+"""Velocities a contact unknown up to which methods may work in the bodies' velocities, those in large problems, a large one's unknowns."""
 EQUAL = 1e-13
 """Blocks of M whose entries differ by less, relative to the largest, are one body's (5e-15 to 1e-14 between the blocks of a wall)."""
 
@@ -296,7 +296,7 @@ def _motion(problem: GlobalForm, W: Matrix) -> Motion | None:
     """H and M behind W, where degrees of freedom are few and no equality constraints couple them; those of bodies that no contact touches
     cost nothing and do not count, nor do those of a spring, which M couples to nothing and one contact unknown alone moves: they are
     compliances of that."""
-    few = FEW * problem.m
+    few = (FEW if problem.m < LARGE_FROM else FEW_OF_LARGE) * problem.m
     if problem.G is not None or met_twice_beyond(problem.H, few):
         return None
     H: sp.csr_array | sp.csc_array = problem.H if isinstance(problem.H, sp.csc_array) else sp.csr_array(problem.H)

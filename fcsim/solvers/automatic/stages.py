@@ -107,10 +107,13 @@ def _enter_splitting(race: Race) -> bool:
 def _proximal_before_splitting(race: Race) -> bool:
     """Whether proximal Newton has still to show what it does before ADMM enters: where it eliminates in the bodies' velocities, which takes
     no longer than 20 to 30 of ADMM's iterations, few of which get on where bodies move. Where joints hold more than the bodies' velocities
-    they often come to rest, for which ADMM is the cheaper one: there it waits for as much as its own first iterations cost."""
-    if race.joints is not None or not race.prices.in_velocities or "proximal Newton" in race.options.without:
-        return False
+    they often come to rest, for which ADMM is the cheaper one: there it waits for as much as its own first iterations cost. Piles in joints
+    of rigid bodies it seldom solves: there it waits for proximal Newton's own iterations and the cost of all that it takes in joints."""
     runner = race.runners.get("proximal Newton")
+    if race.joints is not None:
+        return proximal_first(race) and (runner is None or _has_still_to_spend(race, runner, JOINTS_SHARE))
+    if not race.prices.in_velocities or "proximal Newton" in race.options.without:
+        return False
     if runner is not None and runner.result is None and on_springs(race):
         return True
     if runner is None or (faces(race) and interior_is_first(race)):
@@ -118,6 +121,11 @@ def _proximal_before_splitting(race: Race) -> bool:
     if runner.result is not None or not at_first(runner):
         return False
     return race.warm or not singular_here(race) or runner.spent < race.prices.splitting(race.options.splitting)
+
+
+def _has_still_to_spend(race: Race, runner: Runner, iterations: int) -> bool:
+    """Whether proximal Newton goes on and is in its own iterations, or has spent less than ADMM's factor and so many iterations cost."""
+    return runner.result is None and (at_first(runner) or runner.spent < race.prices.splitting(iterations))
 
 
 def _on_track(race: Race, runner: Runner) -> bool:

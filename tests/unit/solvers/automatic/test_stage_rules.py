@@ -67,6 +67,12 @@ def test_admm_enters_where_sweeps_need_more(changes: dict[str, Any], enters: boo
         ({"holds": 1.0, "dimension": 2}, newton(iterations=5, spent=160.0), False),
         ({"regular": True}, newton(iterations=900), False),
         ({"regular": True}, newton(iterations=900, result=ENDED), True),
+        ({"joints": object(), "holds": 1.1}, newton(iterations=5, spent=900.0), False),  # in joints of rigid bodies
+        ({"joints": object(), "holds": 1.1}, newton(spent=299.0), False),  # 100 iterations of ADMM cost 300
+        ({"joints": object(), "holds": 1.1}, newton(spent=300.0), True),
+        ({"joints": object(), "holds": 1.1}, newton(iterations=5, spent=50.0, result=ENDED), True),
+        ({"joints": object(), "holds": 1.0}, newton(iterations=5, spent=50.0), True),
+        ({"joints": object(), "holds": 1.1, "warm": True}, newton(iterations=5, spent=50.0), True),
     ],
 )
 def test_admm_waits_for_proximal_newton_in_the_bodies_velocities(changes: dict[str, Any], proximal: Shown, enters: bool) -> None:
@@ -244,21 +250,21 @@ def test_sweeps_enter(changes: dict[str, Any], over: tuple[str, ...], enters: bo
 @pytest.mark.parametrize(
     ("changes", "newton_over", "sweeps", "enters"),
     [
-        ({}, True, sweeping(600.1, spent=150.0), True),  # sixty iterations at 10
-        ({}, True, sweeping(600.0, spent=150.0), False),
-        ({}, False, sweeping(600.1, spent=150.0), False),
-        ({"holds": 1.2}, False, sweeping(600.1, spent=150.0), True),
-        ({"holds": 1.2}, False, sweeping(600.0, spent=150.0), False),
-        ({}, True, sweeping(600.1, spent=149.0), False),  # in beds sweeps spend what 15 iterations cost before
-        ({"holds": 1.2}, False, sweeping(600.1, spent=149.0), False),
+        ({}, True, sweeping(600.1, spent=400.0), True),  # sixty iterations at 10
+        ({}, True, sweeping(600.0, spent=400.0), False),
+        ({}, False, sweeping(600.1, spent=400.0), False),
+        ({"holds": 1.2}, False, sweeping(600.1, spent=400.0), True),
+        ({"holds": 1.2}, False, sweeping(600.0, spent=400.0), False),
+        ({}, True, sweeping(600.1, spent=399.0), False),  # in beds sweeps spend what 40 iterations cost before
+        ({"holds": 1.2}, False, sweeping(600.1, spent=399.0), False),
         ({"holds": FACES_HELD}, False, sweeping(600.1, spent=40.0), True),
         ({"holds": EDGES_HELD, "dimension": 2}, False, sweeping(600.1, spent=40.0), True),
         ({"in_velocities": False}, True, sweeping(600.1, spent=40.0), True),
         ({"in_velocities": False, "dimension": 2}, True, sweeping(600.1, spent=600.0), True),  # of discs what 60 iterations cost
         ({"in_velocities": False, "dimension": 2}, True, sweeping(600.1, spent=599.0), False),
         ({"in_velocities": False, "dimension": 2, "warm": True}, True, sweeping(600.1, spent=599.0), True),
-        ({"dimension": 2}, True, sweeping(600.1, spent=150.0), True),  # in the bodies' velocities as grains in 3D
-        ({"dimension": 2}, True, sweeping(600.1, spent=149.0), False),
+        ({"dimension": 2}, True, sweeping(600.1, spent=400.0), True),  # in the bodies' velocities as grains in 3D
+        ({"dimension": 2}, True, sweeping(600.1, spent=399.0), False),
         ({"regular": True}, True, sweeping(600.1, spent=40.0), True),
         ({"warm": True}, True, sweeping(1.0), True),
         ({"joints": object()}, True, sweeping(1.0), True),

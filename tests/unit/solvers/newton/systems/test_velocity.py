@@ -128,6 +128,11 @@ def test_a_reduction_knows_where_its_operator_comes_from() -> None:
     assert other.motion is not None
     assert other.motion.of(other.W) is None, "another W in its place"
     assert other.motion.stored_as(other.W, other.W) is None
+    for m, n, known in ((2997, 1798, True), (2997, 1799, False), (3000, 1500, True), (3000, 1501, False)):
+        first = np.arange(m) * n // m
+        H = sp.csr_array((np.ones(2 * m), (np.r_[first, (first + 1) % n], np.tile(np.arange(m), 2))), shape=(n, m))
+        reduction = reduce(GlobalProblem(sp.eye_array(n, format="csr"), H, np.zeros(n), -np.ones(m), np.full(m // 3, 0.5)))
+        assert (reduction.local.motion is not None) is known, "up to 0.6 velocities a contact unknown, of many unknowns up to a half"
     many = GlobalProblem(np.eye(9), np.eye(9), np.zeros(9), -np.ones(9), np.full(3, 0.5))
     assert reduce(many).local.motion is None, "as many degrees of freedom as contact unknowns"
 
