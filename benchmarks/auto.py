@@ -229,11 +229,13 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, nargs="+", default=[], help="of the made problems; none: only files")
     parser.add_argument("--tols", type=float, nargs="+", default=[1e-4, 1e-8])
     parser.add_argument("--files", type=Path, nargs="+", help="folders of FCLIB files, each a family of its own")
-    parser.add_argument("--methods", nargs="+", default=NAMED, choices=NAMED, metavar="METHOD", help="named methods, none: --methods auto")
+    parser.add_argument("--methods", nargs="*", default=NAMED, metavar="METHOD", help="named methods beside auto; nothing after it: none")
     parser.add_argument("--limit", type=float, default=3.0, help="seconds of the processor that auto gets")
     parser.add_argument("--print", action="store_true", dest="only_print", help="no solve, the tables of what is there")
     parser.add_argument("--markdown", action="store_true", help="tables in Markdown")
     arguments = parser.parse_args()
+    if unknown := [name for name in arguments.methods if name not in NAMED]:
+        parser.error(f"--methods: expected some of {', '.join(NAMED)}, got {' '.join(unknown)}")
     Monitor.out_of_time = lambda monitor: Budget.used_up()  # type: ignore[method-assign]
     rows: list[dict[str, object]] = []
     if arguments.out.exists():
