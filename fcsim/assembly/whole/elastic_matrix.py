@@ -48,6 +48,7 @@ class ElasticMatrix:
 
     @cached_property
     def block(self) -> sp.csr_array:
+        """The block of bodies that are not turned."""
         n = self._model.n_elastic
         A = self._model.matrix(self._mass, self._stiffness)[:n, :n]
         return self._restricted(A if self._axes is None else self._axes @ A @ self._axes.T)

@@ -155,12 +155,12 @@ def _came_together(model: Model, detection: Detection, scheme: Scheme, state: St
     if not moves(met, end - begin):
         return None
     found, ending = _closed(met, _met_far(model, met, detection, end - begin), end), met.ending
-    found = found.take(~_of_pairs(found, ending))
+    found, there = found.take(~_of_pairs(found, ending)), detection(end)
     if len(found):
-        over = _slid_over(met, found, detection, begin, end)
+        over = _slid_over(met, found, there, detection, begin, end)
         found, ending = found.take(~_of_pairs(found, over)), np.concatenate([ending, over])
     if not len(found):
-        left, there = _of_pairs(held, ending) & _left_behind(met, held, end), detection(end)
+        left = _of_pairs(held, ending) & _left_behind(met, held, end)
         there = there.take(_deep(met, there, end) | _of_pairs(there, np.sort(held.bodies[left], axis=1)))
         held = held.take(~left)
         found = there.take(~places(held.identity, there.identity)[1])
@@ -175,14 +175,14 @@ def _came_together(model: Model, detection: Detection, scheme: Scheme, state: St
     return replace(again, ending=ending)
 
 
-def _slid_over(met: Encounter, way: Contacts, detection: Detection, begin: FloatArray, end: FloatArray) -> IntArray:
-    """The pairs of bodies (n, 2) whose contacts of the way are places that they slid over, to where they end in each other.
+def _slid_over(met: Encounter, way: Contacts, there: Contacts, detection: Detection, begin: FloatArray, end: FloatArray) -> IntArray:
+    """The pairs of bodies (n, 2) whose contacts of the way are places that they slid over, to where they end in each other, by the contacts
+    `there` of the end; begin, end (n_nodes, d) [m].
 
     A place on the way holds by its normal what has left it: a ball that is brought over the edge of a block would be held by every facet
     that it passed. Where it ends is what it bears on, unless it went through what it met: to where the other side pushes, or towards it by
     more than `FAR`, and it was deeper there than it ends.
     """
-    there = detection(end)
     deep = there.take(_deep(met, there, end))
     pairs, number = np.unique(np.sort(np.concatenate([deep.bodies, way.bodies]), axis=1), axis=0, return_inverse=True)
     at_end, on_way = np.split(number.reshape(-1), [len(deep)])
@@ -273,7 +273,7 @@ def _may_miss(model: Model, scheme: Scheme, state: State, met: Encounter, v: Flo
     h, begin = scheme.timing.h, scheme.detection_configuration(model, state)
     sizes = met.meeting.proportions.size
     smallest = float(sizes.min(initial=np.inf))
-    aside, off, farthest = _farthest(model, scheme, state, met, v, after)
+    aside, off, longest = _farthest(model, scheme, state, met, v, after)
     if aside > _TURNED_ASIDE * smallest:
         return True
     counts = 0.5 * BORNE * smallest
@@ -285,7 +285,7 @@ def _may_miss(model: Model, scheme: Scheme, state: State, met: Encounter, v: Flo
     slide = scheme.timing.length_per_u * reduce(np.maximum, np.abs(met.relative(v).reshape(len(held), -1)[:, 1:]).T)
     if slide.max(where=held.cables, initial=0.0) > _TURNS_A_CABLE * smallest:
         return True
-    if slide.max() * farthest <= 0.25 * smallest * counts:  # no node moves by more than twice that beside the mean
+    if slide.max() * longest <= 0.25 * smallest * counts:  # no node moves by more than twice that beside the mean
         return False
     angle = (_turns(model, h * model.node_velocity(v, begin)) / (0.5 * np.maximum(sizes, 1e-300)))[held.bodies].max(axis=1)
     return bool(np.any(slide * angle > counts))  # N . du less N' . du, of nodes that go straight
