@@ -51,6 +51,14 @@ def test_a_block_that_slides_bears_its_friction_all_the_way():
     assert branch.end is None
 
 
+@pytest.mark.parametrize(("step", "steps"), [(0.05, [0.0, 0.05, 0.1]), (0.04, [0.0, 0.04, 0.08, 0.1]), (0.1, [0.0, 0.1])])
+def test_the_branch_ends_where_it_is_asked_to(step, steps):
+    branch = push_by_displacement(pushed(stone_on_floor(2, 1.0, 0.5, mu=0.3), (1.0, 0.0, 0.0)), step=step, to=0.1)
+    assert_allclose(branch.displacement, steps, atol=1e-12)
+    assert_allclose(branch.multiplier, 0.3, rtol=1e-6)
+    assert branch.held and branch.end is None
+
+
 def test_force_at_a_point_goes_with_its_point():
     """A force F at the top edge: F h' = W b' about the toe, with the lever arms of the turned block."""
     weight = 2000.0 * 0.4 * 0.4 * 1.2 * 9.81

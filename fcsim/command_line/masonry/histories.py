@@ -85,7 +85,8 @@ def push_by_displacement(options: argparse.Namespace, problem: MasonryProblem) -
         say(json_text(branch_summary(branch)).rstrip())
         return EXIT_OK
     count = len(branch.displacement)
-    rows = [(f"{1e3 * branch.displacement[k]:.4g}", f"{branch.multiplier[k]:.6g}") for k in range(0, count, max(count // 12, 1))]
+    shown = [*range(0, count - 1, max(count // 12, 1)), count - 1]
+    rows = [(f"{1e3 * branch.displacement[k]:.4g}", f"{branch.multiplier[k]:.6g}") for k in shown]
     print_table(("displacement [mm]", "multiplier"), rows)
     say(f"{name}: set in motion at the multiplier {branch.multiplier[0]:.6g}, largest {branch.largest:.6g}")
     if branch.end is not None:

@@ -18,6 +18,9 @@ if TYPE_CHECKING:
     from fcsim.masonry import Bracket, LimitAnalysis, MasonryProblem
     from fcsim.timestep.step import Step
 
+_RESOLUTION = 0.005
+"""Of the multiplier, as a share of it."""
+
 
 def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add the commands `limit`, `tilt`, `push`, `shake` and `settle`."""
@@ -84,7 +87,7 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
 def _add_trials(command: argparse.ArgumentParser) -> None:
     """What simulation is asked besides limit analysis."""
     command.add_argument("--film", action="store_true", help="run the collapse as well: film, steps and VTK files in OUT/run")
-    command.add_argument("--resolution", type=float, default=0.005, help="of the multiplier, as a share of it (default 0.005)")
+    command.add_argument("--resolution", type=float, default=_RESOLUTION, help="of the multiplier, as a share of it (default 0.005)")
     command.add_argument("--static", action="store_true", help="limit analysis alone, no simulation")
     add_export(command, "the blocks as they fall, to a file")
 
@@ -156,6 +159,9 @@ def _push(options: argparse.Namespace) -> int:
         for name, default in (("export", None), ("blocks", "rigid")):
             if getattr(options, name) != default:  # several elastic blocks that turn about each other do not settle in statics
                 raise InputError(f"--{name}: expected it without --branch, which knows rigid blocks and writes no blocks")
+        for name, default in (("tolerance", None), ("resolution", _RESOLUTION)):
+            if getattr(options, name) != default:
+                raise InputError(f"--{name}: expected it without --branch, which needs no joints and no trials")
         return push_by_displacement(options, problem)
     for name in ("step", "to"):
         if getattr(options, name) is not None:

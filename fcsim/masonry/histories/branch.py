@@ -110,8 +110,10 @@ def branch_steps(problem: MasonryProblem, *, step: float | None = None, to: floa
     model, _ = structure(problem)
     linkage, detector = Linkage(model, [control]), Everything(model, problem.friction)
     along, largest, before = np.array(control.direction), 0.0, None
-    moment, h = None, step
-    while moment is None or moment.state.t < to:
+    moment, h, near = None, step, 1e-9 * step
+    while moment is None or moment.state.t <= to + near:  # the step that begins at `to` has the forces of `to`
+        left = to if moment is None else to - moment.state.t
+        h = min(h, left) if left > near else h
         # the control's pace is 1: times are displacements; eta h/h^2 = _SHARE g
         scheme, number = QuasiStatic(h, _SHARE * GRAVITY * h), 0 if moment is None else moment.number
         simulation = Simulation(model, detector, scheme, number + 1, SolverSettings(name="auto"), linkage=linkage, created=np.inf)

@@ -112,6 +112,8 @@ def test_a_film_of_a_tilt_says_the_angle(model: Path) -> None:
     ("arguments", "message"),
     [
         (["push", "--direction", "x", "--branch", "--blocks", "deformable"], "knows rigid blocks"),
+        (["push", "--direction", "x", "--branch", "--resolution", "0.01"], "--resolution: expected it without --branch"),
+        (["push", "--direction", "x", "--branch", "--tolerance", "1e-3"], "--tolerance: expected it without --branch"),
         (["push"], "a load that the multiplier scales, or --direction"),
         (["limit"], ""),
         (["limit", "--direction", "y"], "plane of x and z"),
@@ -136,7 +138,9 @@ def test_directions_are_refused_by_the_parser(model: Path) -> None:
 def test_long_histories_say_how_far_they_are(model: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Where a sliding structure takes 2000 equilibria, and a shaken one as many steps, nothing was said until the end."""
     assert main(["push", str(model), "--direction", "x", "--branch", "--step", "0.002", "--to", "0.02"]) == EXIT_OK
-    assert "displacement 9 of 10: 18 mm, multiplier 0.35" in capsys.readouterr().err
+    said = capsys.readouterr()
+    assert "displacement 10 of 10: 20 mm, multiplier 0.35" in said.err
+    assert "bears a multiplier still at 20 mm" in said.out and "\n20 " in said.out  # a row of the table, too
     record = model.with_name("record.csv")
     record.write_text("t [s],a [g]\n0,0\n0.1,0.1\n0.2,0\n")
     assert main(["shake", str(model), "--record", str(record), "--duration", "0.1", "--h", "0.01"]) == EXIT_OK
