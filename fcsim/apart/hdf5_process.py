@@ -38,8 +38,8 @@ def prepare() -> None:
 
 
 def opened_apart(path: Path) -> Group:
-    """What an HDF5 file holds, read in another process: see `Group`. InputError, without the path, for one that ends its reader, is no HDF5
-    file, is damaged, or holds more than 20 000 entries."""
+    """What an HDF5 file holds, read in another process: see `Group`. InputError, without the path, for one that may not be read, ends its
+    reader, is no HDF5 file, is damaged, or holds more than 20 000 entries."""
     content = Content(lambda name, count: _asked(path, {"name": name, "count": count}))
     about, values = _asked(path, {})
     return Group(about, "/", values, content)
@@ -47,6 +47,8 @@ def opened_apart(path: Path) -> Group:
 
 def _asked(path: Path, more: About) -> tuple[About, bytearray]:
     size = regular(path).stat().st_size
+    if not os.access(path, os.R_OK, effective_ids=os.access in os.supports_effective_ids):  # HDF5 takes it for damage
+        raise InputError("expected a file that this user may read, got: Permission denied")
     seconds = math.ceil(SECONDS + SECONDS_PER_MB * size / 1e6)
     memory = MEMORY + MEMORY_PER_BYTE * size
     request = {"path": str(path.absolute()), "seconds": seconds, "memory": memory, **more}

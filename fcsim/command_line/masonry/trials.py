@@ -159,8 +159,8 @@ def _push(options: argparse.Namespace) -> int:
         for name, default in (("export", None), ("blocks", "rigid")):
             if getattr(options, name) != default:  # several elastic blocks that turn about each other do not settle in statics
                 raise InputError(f"--{name}: expected it without --branch, which knows rigid blocks and writes no blocks")
-        for name, default in (("tolerance", None), ("resolution", _RESOLUTION)):
-            if getattr(options, name) != default:
+        for name, usual in (("tolerance", None), ("resolution", _RESOLUTION)):
+            if getattr(options, name) != usual:
                 raise InputError(f"--{name}: expected it without --branch, which needs no joints and no trials")
         return push_by_displacement(options, problem)
     for name in ("step", "to"):

@@ -2,6 +2,9 @@
 
 import os
 import signal
+import subprocess
+import sys
+import tempfile
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -192,3 +195,27 @@ def test_a_name_that_is_no_utf8(tmp_path: Path) -> None:
     with h5py.File(tmp_path / "a.h5", "w") as content:
         content.create_group(b"\xff\xfe")
     assert list(opened_apart(tmp_path / "a.h5")) == ["\udcff\udcfe"]
+
+
+OF_ANOTHER = """
+import os, sys
+from fcsim.apart import opened_apart
+from fcsim.errors import InputError
+from pathlib import Path
+if os.geteuid() == 0:
+    os.setresuid(65534, 65534, 65534)
+try:
+    opened_apart(Path(sys.argv[1]))
+except InputError as error:
+    print(error)
+"""
+
+
+def test_a_file_that_may_not_be_read_is_not_called_damaged(file: Path) -> None:
+    with tempfile.TemporaryDirectory() as folder:  # that another user may enter, as tmp_path is not
+        Path(folder).chmod(0o755)
+        secret = Path(folder) / "a.h5"
+        secret.write_bytes(file.read_bytes())
+        secret.chmod(0o000)
+        done = subprocess.run([sys.executable, "-c", OF_ANOTHER, secret], capture_output=True, text=True, timeout=120)
+    assert done.stdout == "expected a file that this user may read, got: Permission denied\n", done.stderr
