@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from fcsim.command_line.answers import answer
 from fcsim.command_line.terminal import say
 from fcsim.errors import EXIT_OK, InputError
 
@@ -51,6 +52,9 @@ def _model(options: argparse.Namespace) -> int:
     masses = np.array([block.mass or (block.density or 0.0) * volume for block, volume in zip(free, volumes, strict=True)])
     points = np.concatenate([block.surface.points for block in free])
     held = [block.name for block in problem.blocks if block.support]
+    answer({"file": options.file, "dimension": problem.dimension, "title": problem.title, "blocks": len(free), "held": held})
+    answer({"volume [m^3]": volumes.sum(), "mass [kg]": masses.sum(), "smallest [m]": problem.smallest, "mu": problem.mu})
+    answer({"loads": problem.loads, "expected": problem.expected})
     say(f"{options.file}: model of blocks in {problem.dimension}D{f', {problem.title}' if problem.title else ''}")
     if problem.question:
         say(f"  question     {problem.question}")
@@ -104,6 +108,9 @@ def _fclib(options: argparse.Namespace) -> int:
 
     content = read_fclib(options.file)
     problem = content.problem
+    answer({"file": options.file, "form": content.form, "nc": problem.nc, "m": problem.m, "n": getattr(problem, "n", None)})
+    answer({"dimension": getattr(problem, "dimension", 5), "guesses": len(content.guesses), "solution": None})
+    answer({"mu": [problem.mu.min(), problem.mu.max()] if problem.nc else None, "matrices": content.matrices})
     say(f"{options.file}: FCLIB {content.form.replace('_', ' ')} problem")
     for name in ("title", "description", "math_info"):
         if getattr(content.info, name):
@@ -127,12 +134,15 @@ def _fclib(options: argparse.Namespace) -> int:
         stated = "stored"
         if isinstance(problem, GlobalProblem | LocalProblem):
             judge = Judge(problem)
-            stated += f", error {judge.scaled_error(content.solution.r):.3e} (published: {judge.error(content.solution.r):.3e})"
+            scaled, published = judge.scaled_error(content.solution.r), judge.error(content.solution.r)
+            stated += f", error {scaled:.3e} (published: {published:.3e})"
+            answer({"solution": {"scaled_error": scaled, "published_error": published}})
             off = float(np.linalg.norm(content.solution.u - judge.velocity(content.solution.r))) / (judge.scale or 1.0)
             if not off <= OFF:
                 stated += f"; the stored u is another one than that of the stored r, by {off:.1e} |q|"
         elif isinstance(problem, GlobalRollingProblem):
             scaled, published = rolling_errors(problem, content.solution.r)
+            answer({"solution": {"scaled_error": scaled, "published_error": published}})
             stated += f", error {scaled:.3e} (published: {published:.3e})"
         say(f"  solution     {stated}")
     if content.guesses:

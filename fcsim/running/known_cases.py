@@ -9,6 +9,8 @@ from pathlib import Path
 
 from fcsim.errors import InputError
 
+KINDS = {"BlockKind": ("deformable", "rigid", "mixed")}
+"""Names of Literals of fcsim that cases write: scripts are read, not run, and a shell that completes waits for no imports."""
 PLACES = (Path(__file__).parents[1] / "cases", Path(__file__).parents[2] / "cases")
 
 
@@ -74,7 +76,7 @@ def declared_parameters(script: Path) -> list[DeclaredParameter]:
 
 def _declared(node: ast.AnnAssign) -> DeclaredParameter:
     kind = ast.unparse(node.annotation)
-    choices: tuple[str, ...] = ("on", "off") if kind == "bool" else ()
+    choices: tuple[str, ...] = ("on", "off") if kind == "bool" else KINDS.get(kind, ())
     if kind.startswith("Literal[") and isinstance(node.annotation, ast.Subscript):
         choices = tuple(str(c.value) for c in ast.walk(node.annotation.slice) if isinstance(c, ast.Constant))
     return DeclaredParameter(ast.unparse(node.target), kind, "" if node.value is None else ast.unparse(node.value), choices)

@@ -64,6 +64,8 @@ def commands(page):
         for block in re.findall(r"^```(?:console|sh|bash|shell)\n(.*?)^```", text, re.DOTALL | re.MULTILINE)
         for line in block.splitlines()
     ]
+    unnamed = re.findall(r"^```\n(.*?)^```", text, re.DOTALL | re.MULTILINE)
+    fenced += [line for block in unnamed for line in block.splitlines() if line.startswith("fcsim ")]
     indented = re.findall(r"^    ((?:fcsim|make) .*)$", text, re.MULTILINE)
     return [part.strip() for line in [*fenced, *indented] for part in line.removeprefix("$ ").split("  #")[0].split("&&")]
 

@@ -6,6 +6,7 @@ import argparse
 import os
 from pathlib import Path
 
+from fcsim.command_line.answers import answer
 from fcsim.command_line.terminal import write
 from fcsim.errors import EXIT_OK, MissingDependency
 
@@ -32,7 +33,9 @@ def _completion(options: argparse.Namespace) -> int:
         from argcomplete.shell_integration import shellcode
     except ImportError:
         raise MissingDependency("completion needs argcomplete: pip install 'fcsim[all]', or pip install argcomplete") from None
-    write(shellcode(["fcsim"], shell=options.shell))
+    code = shellcode(["fcsim"], shell=options.shell)
+    if not answer({"shell": options.shell, "code": code}):
+        write(code)
     return EXIT_OK
 
 

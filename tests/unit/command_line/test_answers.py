@@ -4,12 +4,17 @@ import argparse
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from fcsim.command_line.answers import answering, table_of
 from fcsim.command_line.main import _parser, main
 from fcsim.command_line.progress import progress
 from fcsim.command_line.terminal import print_table, say
+from fcsim.export_fclib import Solution, write_fclib
+from fcsim.masonry import Block, MasonryProblem, write_masonry
+from fcsim.mesh.solids.closed_surface import closed_surface
+from fcsim.problem import Judge, LocalProblem
 from fcsim.running.case import load_case
 from fcsim.running.parameters import parse_parameters
 
@@ -64,6 +69,32 @@ def test_a_quiet_run(case_folder: Path, tmp_path: Path, capsys: pytest.CaptureFi
     assert main([*arguments, "--overwrite", "--set", "max_iterations=1", "--set", "fallback=off"]) == 1
     said = capsys.readouterr()
     assert said.out == "" and said.err.startswith("not converged: ") and said.err.count("\n") == 1
+
+
+def test_a_file_is_described_in_numbers(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """`info --json` had lines for people alone, and `completion --json` was no JSON."""
+    problem = LocalProblem(np.diag([2.0, 1.0, 1.0, 3.0, 1.0, 1.0]), np.array([-1.0, 0.3, 0.0, 1.0, 0.0, 0.0]), np.array([0.5, 0.25]))
+    write_fclib(tmp_path / "a.hdf5", problem, solution=Solution(u=problem.q, r=(r := np.zeros(6))))
+    assert main(["info", str(tmp_path / "a.hdf5"), "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    judge = Judge(problem)
+    assert (told["form"], told["nc"], told["m"], told["dimension"], told["mu"]) == ("local", 2, 6, 3, [0.25, 0.5])
+    assert told["matrices"]["W"]["shape"] == [6, 6] and told["matrices"]["W"]["nnz"] == 6
+    assert told["solution"] == {"scaled_error": judge.scaled_error(r), "published_error": judge.error(r)} and told["guesses"] == 0
+    assert main(["completion", "bash", "--json"]) == 0
+    assert "fcsim" in json.loads(capsys.readouterr().out)["code"]
+
+
+def test_a_model_is_described_in_numbers(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    points = [(x, y, z) for z in (0.0, 1.0) for x, y in ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0))]
+    faces = [(0, 3, 2, 1), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7)]
+    stone = Block(closed_surface("stone", points, faces), density=2000.0)
+    ground = Block(closed_surface("ground", [(x, y, z - 1.0) for x, y, z in points], faces), support=True)
+    write_masonry(tmp_path / "m.json", MasonryProblem("m", 3, (ground, stone), mu=0.7))
+    assert main(["info", str(tmp_path / "m.json"), "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert (told["blocks"], told["held"], told["dimension"], told["mu"]) == (1, ["ground"], 3, 0.7)
+    assert told["mass [kg]"] == pytest.approx(2000.0) and told["volume [m^3]"] == pytest.approx(1.0)
 
 
 def test_solvers_as_json(capsys: pytest.CaptureFixture[str]) -> None:

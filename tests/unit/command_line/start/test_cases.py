@@ -2,6 +2,7 @@
 
 import ast
 import json
+import typing
 from pathlib import Path
 
 import pytest
@@ -35,6 +36,19 @@ def test_a_case_is_described_without_being_run(capsys: pytest.CaptureFixture[str
     assert main(["cases", "hertz"]) == 0
     said = capsys.readouterr().out
     assert said.startswith("# Hertz's contact") and str(script.path) in said and "two-spheres" in said
+
+
+@pytest.mark.parametrize("name", ["stack", "rocks", "hertz"])
+def test_choices_of_a_case_are_those_of_its_annotations(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    """`blocks_are` was said to expect a BlockKind, a name that a user does not know."""
+    script = load_case(ROOT / "cases" / name)
+    hints = typing.get_type_hints(script.parameters)
+    literals = {key: typing.get_args(hint) for key, hint in hints.items() if typing.get_origin(hint) is typing.Literal}
+    assert literals
+    declared = {p.name: p.choices for p in declared_parameters(script.path)}
+    assert {key: declared[key] for key in literals} == literals
+    assert main(["cases", name]) == 0
+    assert all(", ".join(choices) in capsys.readouterr().out for choices in list(literals.values())[:1])
 
 
 def test_a_path_goes_before_a_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
