@@ -14,6 +14,9 @@ if TYPE_CHECKING:
     from fcsim.masonry import MasonryProblem
     from fcsim.timestep.step import Step
 
+RESOLUTION = 0.005
+"""Of the multiplier in trials, as a share of it."""
+
 
 def shake_ground(options: argparse.Namespace, problem: MasonryProblem) -> int:
     """`fcsim shake`."""
@@ -65,6 +68,12 @@ def push_by_displacement(options: argparse.Namespace, problem: MasonryProblem) -
 
     if options.film or options.static:
         raise InputError("--branch: expected it without --film and --static")
+    blocks = "which knows rigid blocks and writes no blocks"  # several elastic ones that turn about each other do not settle in statics
+    trials = "which needs no joints and no trials"
+    useless = (("export", None, blocks), ("blocks", "rigid", blocks), ("tolerance", None, trials), ("resolution", RESOLUTION, trials))
+    for option, usual, why in useless:
+        if getattr(options, option) != usual:
+            raise InputError(f"--{option}: expected it without --branch, {why}")
     by = options.step or pushes.default_step(problem)
     end = options.to or pushes.default_end(problem)
     with Bar("displacement") as bar:

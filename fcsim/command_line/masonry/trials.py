@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fcsim.command_line.masonry.arguments import AXES, add_export, add_model, add_stone, direction, read, stone
-from fcsim.command_line.masonry.histories import push_by_displacement, shake_ground
+from fcsim.command_line.masonry.histories import RESOLUTION, push_by_displacement, shake_ground
 from fcsim.command_line.masonry.settle import add_settle
 from fcsim.command_line.terminal import print_table, say
 from fcsim.errors import EXIT_NOT_CONVERGED, EXIT_OK, InputError
@@ -17,9 +17,6 @@ from fcsim.errors import EXIT_NOT_CONVERGED, EXIT_OK, InputError
 if TYPE_CHECKING:
     from fcsim.masonry import Bracket, LimitAnalysis, MasonryProblem
     from fcsim.timestep.step import Step
-
-_RESOLUTION = 0.005
-"""Of the multiplier, as a share of it."""
 
 
 def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -87,7 +84,7 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
 def _add_trials(command: argparse.ArgumentParser) -> None:
     """What simulation is asked besides limit analysis."""
     command.add_argument("--film", action="store_true", help="run the collapse as well: film, steps and VTK files in OUT/run")
-    command.add_argument("--resolution", type=float, default=_RESOLUTION, help="of the multiplier, as a share of it (default 0.005)")
+    command.add_argument("--resolution", type=float, default=RESOLUTION, help="of the multiplier, as a share of it (default 0.005)")
     command.add_argument("--static", action="store_true", help="limit analysis alone, no simulation")
     add_export(command, "the blocks as they fall, to a file")
 
@@ -156,12 +153,6 @@ def _push(options: argparse.Namespace) -> int:
     if not problem.scaled:
         raise InputError(f"{options.model}: expected a load that the multiplier scales, or --direction, got none")
     if options.branch:
-        for name, default in (("export", None), ("blocks", "rigid")):
-            if getattr(options, name) != default:  # several elastic blocks that turn about each other do not settle in statics
-                raise InputError(f"--{name}: expected it without --branch, which knows rigid blocks and writes no blocks")
-        for name, usual in (("tolerance", None), ("resolution", _RESOLUTION)):
-            if getattr(options, name) != usual:
-                raise InputError(f"--{name}: expected it without --branch, which needs no joints and no trials")
         return push_by_displacement(options, problem)
     for name in ("step", "to"):
         if getattr(options, name) is not None:
