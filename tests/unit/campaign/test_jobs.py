@@ -1,10 +1,12 @@
 """Benches and collections by jobs of submitit on this machine, and what is said where there is no cluster."""
 
 import os
+import re
 import signal
 import subprocess
 import sys
 import time
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -42,6 +44,13 @@ def test_launchers_that_cannot_be(
 ) -> None:
     assert main(["sweep", str(script_folder), "--over", "mu=1", "--out", str(tmp_path / "out"), *arguments]) == 2
     assert said in capsys.readouterr().err
+
+
+def test_make_env_brings_what_tests_of_jobs_need() -> None:
+    """They were left out, each with its reason, by every `make test`."""
+    (installed,) = re.findall(r"-e '\.\[(.*)\]'", (ROOT / "tools" / "environment.sh").read_text(encoding="utf-8"))
+    extras = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["optional-dependencies"]
+    assert "submitit" in {re.split("[<>=]", requirement)[0] for extra in installed.split(",") for requirement in extras[extra]}
 
 
 def test_without_slurm_that_is_said(script_folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
