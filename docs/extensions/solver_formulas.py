@@ -26,7 +26,10 @@ ONE_CONTACT = {
 SWEEP = r"r_a \leftarrow S_a\Big(q_a + \sum_{b \ne a} W_{ab}\,r_b\Big)\quad a = 1 \dots n_c,\ \text{the newest}\ r_b"
 PROJECTION = r"r \leftarrow P_K\left(r - \rho\,(u(r) + g(u(r)))\right)"
 EXTRAGRADIENT = r"\bar r = P_K(r - \rho F(r)),\quad r \leftarrow P_K(r - \rho F(\bar r)),\quad F(r) = u(r) + g(u(r))"
-
+SPLITTING = (
+    r"x = (W + \rho I)^{-1}(\rho (z - \zeta) - q - g),\quad z = P_K(x + \zeta),"
+    r"\quad \zeta \leftarrow \zeta + x - z,\quad g = g(u)"
+)
 METHODS = {
     "automatic": "",
     "newton": NEWTON,
@@ -41,7 +44,7 @@ METHODS = {
     "fixed_point": PROJECTION,
     "extragradient": EXTRAGRADIENT,
     "hyperplane": r"r \leftarrow P_K\Big(r - \frac{F(\bar r)\cdot(r - \bar r)}{\|F(\bar r)\|^2}\,F(\bar r)\Big),\quad \bar r\ \text{between}\ r\ \text{and}\ P_K(r - \rho F(r))",
-    "admm": r"x = (W + \rho I)^{-1}(\rho (z - \zeta) - q - g),\quad z = P_K(x + \zeta),\quad \zeta \leftarrow \zeta + x - z,\quad g = g(u)",
+    "admm": SPLITTING,
     "tresca": r"r \leftarrow \arg\min \tfrac12 r\cdot W r + q\cdot r\quad\text{over}\ r_N \ge 0,\ \|r_T\| \le \mu\,r_N^{\text{last}}",
     "panagiotopoulos": r"r_N\ \text{by its LCP with}\ r_T\ \text{fixed, then}\ r_T \leftarrow \arg\min\ \text{over}\ \|r_T\| \le \mu r_N,\ \text{in turn}",
     "aclm": r"r \leftarrow \arg\min_{r \in K} \tfrac12 r\cdot W r + (q + g(s))\cdot r,\quad s \leftarrow \text{the sliding of that answer}",
@@ -58,6 +61,7 @@ METHODS = {
     "rolling_proximal": r"W r + q + \alpha D (r - r_k) = u,\quad \alpha \to 0\ \text{as far as Newton inside converges}",
     "rolling_fixed_point": PROJECTION,
     "rolling_extragradient": EXTRAGRADIENT,
+    "rolling_admm": SPLITTING,
 }  # fmt: skip
 
 

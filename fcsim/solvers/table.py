@@ -39,7 +39,7 @@ from fcsim.solvers.proximal.path_steps import PathOptions, proximal_path
 from fcsim.solvers.proximal.steps import proximal_point
 from fcsim.solvers.rolling.automatic import rolling_automatic
 from fcsim.solvers.rolling.newton import rolling_newton, rolling_proximal
-from fcsim.solvers.rolling.projections import rolling_extragradient, rolling_fixed_point
+from fcsim.solvers.rolling.projections import rolling_admm, rolling_extragradient, rolling_fixed_point
 from fcsim.solvers.rolling.sweeps import RollingSweepOptions, rolling_sweeps
 from fcsim.solvers.variational.admm import AdmmOptions, admm, admm_global
 from fcsim.solvers.variational.fixed_points import (
@@ -213,6 +213,7 @@ SOLVERS: dict[str, Method] = {
     "ROLLING-NSGS": Method(rolling_sweeps, RollingSweepOptions(), "rolling", _ROLLING, "ROLLING_FRICTION_3D_NSGS", (5, 6)),
     "ROLLING-FP": Method(rolling_fixed_point, ProjectionOptions(step_rule="Khobotov"), "rolling", _ROLLING, "", (5, 6)),
     "ROLLING-EG": Method(rolling_extragradient, ProjectionOptions(step_rule="Khobotov"), "rolling", _ROLLING, "", (5, 6)),
+    "ROLLING-ADMM": Method(rolling_admm, AdmmOptions(), "rolling", "Boyd et al. 2011; as ADMM", "", (5, 6)),
     "ROLLING-NSN": Method(rolling_newton, NewtonOptions(rho="adaptive"), "rolling", "Alart, Curnier 1991, a disk a part", "", (5, 6)),
     "ROLLING-AUTO": Method(rolling_automatic, Options(max_iterations=50_000), "rolling", "this package (what auto is there)", "", (5, 6)),
     "ROLLING-PROX": Method(rolling_proximal, PROXIMAL_NEWTON, "rolling", "Rockafellar 1976; as PROX-NEWTON", "", (5, 6)),

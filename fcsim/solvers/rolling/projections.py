@@ -1,7 +1,8 @@
-"""ROLLING-FP and ROLLING-EG: projections on the cone of five or six dimensions.
+"""ROLLING-FP, ROLLING-EG and ROLLING-ADMM: projections on the cone of five or six dimensions, alone and after a linear step.
 
-Source: Acary, Bourrier, "Coulomb friction with rolling resistance as a cone complementarity problem", European Journal of Mechanics
-A/Solids 85, 2021, for sliding and rolling; spinning is one disk more.
+Sources: Acary, Bourrier, "Coulomb friction with rolling resistance as a cone complementarity problem", European Journal of Mechanics
+A/Solids 85, 2021, for sliding and rolling; spinning is one disk more. Boyd et al., Found. Trends Mach. Learn. 3, 2011 (ADMM, see
+`fcsim.solvers.variational.admm`).
 """
 
 from __future__ import annotations
@@ -11,8 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from fcsim.arrays import FloatArray
+from fcsim.errors import InputError
 from fcsim.problem.rolling import LocalRollingProblem, modified_velocity
 from fcsim.solvers.base import Iterate, Monitor
+from fcsim.solvers.variational.admm import AdmmOptions, split
 from fcsim.solvers.variational.convex_sets import RollingCone
 from fcsim.solvers.variational.inequality import Inequality
 from fcsim.solvers.variational.projection import ProjectionOptions, project
@@ -38,6 +41,10 @@ class RollingInequality(Inequality):
         assert self.mu is not None and self.mu_r is not None
         return modified_velocity(self._rows(u), self.mu, self.mu_r, self.mu_s).ravel()
 
+    def term(self, u: FloatArray) -> FloatArray:
+        """g(u) (m,)."""
+        return self.map(u) - u
+
 
 def _inequality(problem: LocalRollingProblem) -> RollingInequality:
     p = problem
@@ -54,3 +61,12 @@ def rolling_extragradient(problem: LocalRollingProblem, r: FloatArray, monitor: 
     """ROLLING-EG: rbar = P_K(r - rho F(r)), r <- P_K(r - rho F(rbar))."""
     inequality = _inequality(problem)
     return project(inequality, r, ProblemWatch(inequality.velocity, monitor, options.max_iterations), options, corrector=True)
+
+
+def rolling_admm(problem: LocalRollingProblem, r: FloatArray, monitor: Monitor, options: AdmmOptions) -> Iterate:
+    """ROLLING-ADMM: r <- (W + rho I)^-1 (rho (z - zeta) - q - g), z <- P_K(r + zeta), zeta <- zeta + r - z, g from u = -rho zeta - g."""
+    for name, usual in (("linear", "auto"), ("rescaling", "none"), ("symmetry", "check")):
+        if getattr(options, name) != usual:  # of Coulomb's cone alone
+            raise InputError(f"option {name}: expected {usual!r} with rolling friction, got {getattr(options, name)!r}")
+    inequality = _inequality(problem)
+    return split(inequality, r, ProblemWatch(inequality.velocity, monitor, options.max_iterations), options)

@@ -17,6 +17,7 @@ IEEE Trans. Automat. Control 60, 2015 (rho from the eigenvalues); Kanno 2021 and
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -119,7 +120,11 @@ def admm_global(reduction: Reduction, r: FloatArray, monitor: Monitor, options: 
         splitting.set_rho(options.rho * _global_scale(reduction, options.initial_rho))
     except SingularMatrix:
         return Iterate(r, Status.SINGULAR)
-    return to_the_end(iterate(splitting, p.mu, p.dimension, r, ProblemWatch(velocity, monitor, options.max_iterations), options))
+
+    def term(u: FloatArray) -> FloatArray:
+        return coulomb_term(u, p.mu, p.dimension)
+
+    return to_the_end(iterate(splitting, term, r, ProblemWatch(velocity, monitor, options.max_iterations), options))
 
 
 def _global_scale(reduction: Reduction, initial_rho: str) -> float:
@@ -179,7 +184,7 @@ def split_turns(vi: Inequality, r: FloatArray, watch: Watch, options: AdmmOption
             splitting.set_rho(rho)
     except SingularMatrix:
         return Iterate(r, Status.SINGULAR)
-    return (yield from iterate(splitting, vi.mu, operator.dimension, r, watch, options))
+    return (yield from iterate(splitting, None if vi.mu is None else vi.term, r, watch, options))
 
 
 def _local_scale(operator: Delassus, initial_rho: str) -> float:
@@ -216,12 +221,16 @@ def _factor(splitting: LocalSplitting | GlobalSplitting, options: AdmmOptions) -
 
 
 def iterate(
-    splitting: LocalSplitting | GlobalSplitting, mu: FloatArray | None, d: int, r: FloatArray, watch: Watch, options: AdmmOptions
+    splitting: LocalSplitting | GlobalSplitting,
+    term: Callable[[FloatArray], FloatArray | float] | None,
+    r: FloatArray,
+    watch: Watch,
+    options: AdmmOptions,
 ) -> Turns:
-    """The iteration of both forms; z_hat, zeta_hat are the accelerated z, zeta."""
+    """The iteration of both forms; z_hat, zeta_hat are the accelerated z, zeta. term: g of u, None where there is none."""
     z, zeta = splitting.start(r)
     z_hat, zeta_hat, momentum, energy = z, zeta, 1.0, np.inf
-    g: FloatArray | float = 0.0 if mu is None else coulomb_term(splitting.velocity(z, zeta), mu, d)
+    g: FloatArray | float = 0.0 if term is None else term(splitting.velocity(z, zeta))
     light = LightCriterion(10 * watch.target)
     since, interval, change = 0, options.balancing_interval, _factor(splitting, options)
     status = watch.visit(splitting.answer(z, zeta), None, True)
@@ -231,8 +240,8 @@ def iterate(
         z_last, zeta_last = z, zeta
         z = splitting.project(y)  # step 3
         zeta = y - z
-        if mu is not None:
-            g = coulomb_term(splitting.velocity(z, zeta), mu, d)  # step 4
+        if term is not None:
+            g = term(splitting.velocity(z, zeta))  # step 4
         watch.tick()
         since += 1
         rho = splitting.rho

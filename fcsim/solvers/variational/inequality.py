@@ -84,6 +84,10 @@ class Inequality:
         add_de_saxce(self._rows(u), self.mu, self._rows(F))
         return F
 
+    def term(self, u: FloatArray) -> FloatArray | float:
+        """g(u) (m,), by which F differs from u; 0 without friction coefficients."""
+        return 0.0 if self.mu is None else coulomb_term(u, self.mu, self.operator.dimension)
+
     def project(self, z: FloatArray) -> FloatArray:
         """Return P_C(z)."""
         return self.step(z, z, 0.0)[0]

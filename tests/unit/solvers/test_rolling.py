@@ -213,6 +213,9 @@ def test_refusals() -> None:
         solve(p, "auto", tol=0.0)
     with pytest.raises(InputError, match="local_iterations"):
         solve(p, "auto", local_iterations=0)
+    for option, value in (("linear", "kkt"), ("rescaling", "contacts"), ("symmetry", "symmetrise")):
+        with pytest.raises(InputError, match=f"option {option}: expected .* with rolling friction, got '{value}'"):
+            solve(p, "ROLLING-ADMM", **{option: value})
 
 
 def stack(mu: float, arm: float, heaviest: float, spheres: int = 4, seed: int = 0) -> tuple[GlobalRollingProblem, Any]:
