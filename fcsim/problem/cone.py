@@ -13,6 +13,9 @@ from numpy.typing import NDArray
 from fcsim.arrays import FloatArray
 from fcsim.problem._cone_kernels import cone_projections
 
+LEAST_SIZE = 1e-120
+"""Of what is squared: below, squares are lost, the first digits at 1e-154."""
+
 
 def tangential_norm(z: FloatArray) -> FloatArray:
     """Return ||z_T|| (nc,) of vectors z (nc, d)."""

@@ -14,6 +14,7 @@ import numpy as np
 
 from fcsim.arrays import FloatArray
 from fcsim.problem import Checks, LocalProblem
+from fcsim.problem.cone import LEAST_SIZE
 from fcsim.problem.infeasible import certificate
 from fcsim.problem.judge import BLURRED, OUTWEIGHED, ROUND_OFF, blurred, outweighed, relative
 from fcsim.solvers.automatic.stages import automatic
@@ -79,6 +80,8 @@ def small(
         out = _gauss_seidel_kernels.solve_by_sweeps(*arguments, OPTIONS.max_iterations, *solving, FULL_AT_LEAST_EVERY, rows)
     ended, sweeps, noted, answer, u, scale, scaled, plain, found = out
     if ended == _gauss_seidel_kernels.NOT_HERE or (automatically and ended != _gauss_seidel_kernels.SOLVED and certified is None):
+        return None
+    if scale < LEAST_SIZE and q.any():  # its squares are lost
         return None
     errors = relative(scaled, scale), relative(plain, scale)
     deciding, status = errors[error == "published"], STATUSES[ended] if certified is None else Status.INFEASIBLE
