@@ -81,11 +81,9 @@ def small(
     ended, sweeps, noted, answer, u, scale, scaled, plain, found = out
     if ended == _gauss_seidel_kernels.NOT_HERE or (automatically and ended != _gauss_seidel_kernels.SOLVED and certified is None):
         return None
-    if scale < LEAST_SIZE and q.any():  # its squares are lost
-        return None
     errors = relative(scaled, scale), relative(plain, scale)
     deciding, status = errors[error == "published"], STATUSES[ended] if certified is None else Status.INFEASIBLE
-    if (deciding <= tol) != status.solved:  # by round-off between the sweeps' u and the answer's: the general way decides
+    if (deciding <= tol) != status.solved or (scale < LEAST_SIZE and q.any()):  # round-off, or squares are lost: the general way decides
         return None
     cone, dual_cone, penetration, product, r_max, u_max, r_size, u_size = found
     checks = Checks(cone / (r_max or 1.0), dual_cone / (u_max or 1.0), abs(product) / ((r_size * u_size) or 1.0), penetration)
