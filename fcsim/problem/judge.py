@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from fcsim.arrays import FloatArray
 from fcsim.linear.factors import SuperLU
 from fcsim.problem._judge_kernels import squared_natural_residual, violations
-from fcsim.problem.cone import LEAST_SIZE, tangential_norm
+from fcsim.problem.cone import LEAST_SIZE, enlargement, tangential_norm
 from fcsim.problem.problem import GlobalProblem, LocalProblem
 from fcsim.problem.reduction import reduced
 
@@ -41,7 +41,7 @@ def natural_map_residual(r: FloatArray, u: FloatArray, mu: FloatArray, dimension
     largest = max(np.abs(u).max(initial=0.0), np.abs(r.reshape(len(mu), dimension) * s[:, None]).max(initial=0.0))
     if not 0 < largest < LEAST_SIZE:
         return math.sqrt(square)
-    factor = 2.0 ** -math.frexp(largest)[1]  # squares beyond the least number: r = 0 would be an answer to any velocities
+    factor = enlargement(largest)  # squares beyond the least number: r = 0 would be an answer to any velocities
     return math.sqrt(squared_natural_residual(r * factor, u * factor, mu, s, dimension, not published)) / factor
 
 
@@ -49,7 +49,7 @@ def size_of(q: FloatArray, floor: float = 0.0) -> float:
     """max(||q||, floor): what errors divide by, of velocities q (m,) however small."""
     size = float(np.linalg.norm(q))
     if size < LEAST_SIZE and (largest := float(np.abs(q).max(initial=0.0))) > 0:
-        factor = 2.0 ** -math.frexp(largest)[1]
+        factor = enlargement(largest)
         size = float(np.linalg.norm(q * factor)) / factor
     return max(size, floor)
 

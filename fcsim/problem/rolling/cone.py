@@ -9,13 +9,11 @@ disk more of the same kind, of one dimension: by its g, too, u_N = 0 where r_N >
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from fcsim.arrays import FloatArray
 from fcsim.problem._judge_kernels import ROUGH
-from fcsim.problem.cone import LEAST_SIZE
+from fcsim.problem.cone import LEAST_SIZE, enlargement
 from fcsim.problem.rolling._cone_kernels import step_rolling_cone
 
 
@@ -65,5 +63,5 @@ def natural_residual(
     largest = max(np.abs(u).max(initial=0.0), np.abs(y).max(initial=0.0)) if residual < LEAST_SIZE else 0.0
     if not 0 < largest < LEAST_SIZE:
         return residual
-    factor = 2.0 ** -math.frexp(largest)[1]
+    factor = enlargement(largest)
     return natural_residual(r * factor, u * factor, mu, mu_r, compliance, mu_s, scaled) / factor
