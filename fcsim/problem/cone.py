@@ -7,11 +7,21 @@ in Advanced Topics in Nonsmooth Dynamics, Springer, 2018.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
 from fcsim.arrays import FloatArray
 from fcsim.problem._cone_kernels import cone_projections
+
+LEAST_SIZE = 1e-120
+"""Of what is squared: below, squares are lost, the first digits at 1e-154."""
+
+
+def enlargement(largest: float) -> float:
+    """The power of two that brings numbers up to that size, > 0, to about 1, or as far as one factor can, and loses no digit."""
+    return float(2.0 ** min(-math.frexp(largest)[1], 1000))
 
 
 def tangential_norm(z: FloatArray) -> FloatArray:

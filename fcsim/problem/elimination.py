@@ -2,15 +2,43 @@
 
 from __future__ import annotations
 
+from collections.abc import Generator
+from contextlib import contextmanager
 from functools import cached_property
 
 import numpy as np
 import scipy.sparse as sp
 
-from fcsim.arrays import FloatArray
+from fcsim.arrays import FloatArray, Matrix
 from fcsim.linear.factors import DenseLU, SingularMatrix
 from fcsim.problem.delassus import own_compliance
 from fcsim.problem.problem import Answer, LocalProblem
+
+DEPENDENT_UP_TO = 1_000_000
+"""Entries of G up to which the constraints of a singular problem are looked at."""
+
+
+@contextmanager
+def dependent_constraints_told(G: Matrix | None) -> Generator[None]:
+    """SingularMatrix of M with equality constraints G (n, p) says so where these are dependent."""
+    try:
+        yield
+    except SingularMatrix as error:
+        raise SingularMatrix(f"{error}{_dependent(G)}") from None
+
+
+def _dependent(G: Matrix | None) -> str:
+    """What there is to say of dependent columns of G (n, p), empty where they are not."""
+    if G is None:
+        return ""
+    rows, p = sp.csr_array(G), G.shape[1]
+    met = rows[np.flatnonzero(np.diff(rows.indptr))]
+    if met.shape[0] * p > DEPENDENT_UP_TO:
+        return ""
+    rank = int(np.linalg.matrix_rank(met.toarray())) if met.shape[0] else 0
+    if rank == p:
+        return ""
+    return f"; G: expected independent equality constraints G^T v + b = 0, got {p} of rank {rank}: leave {p - rank} out"
 
 
 class Elimination:

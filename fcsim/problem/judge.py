@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from fcsim.arrays import FloatArray
 from fcsim.linear.factors import SuperLU
 from fcsim.problem._judge_kernels import squared_natural_residual, violations
-from fcsim.problem.cone import tangential_norm
+from fcsim.problem.cone import LEAST_SIZE, enlargement, tangential_norm
 from fcsim.problem.problem import GlobalProblem, LocalProblem
 from fcsim.problem.reduction import reduced
 
@@ -34,7 +34,24 @@ def natural_map_residual(r: FloatArray, u: FloatArray, mu: FloatArray, dimension
     published form.
     """
     published = compliance is None
-    return math.sqrt(squared_natural_residual(r, u, mu, np.ones(len(mu)) if published else compliance, dimension, not published))
+    s = np.ones(len(mu)) if compliance is None else compliance
+    square: float = squared_natural_residual(r, u, mu, s, dimension, not published)
+    if not square < LEAST_SIZE**2:
+        return math.sqrt(square)
+    largest = max(np.abs(u).max(initial=0.0), np.abs(r.reshape(len(mu), dimension) * s[:, None]).max(initial=0.0))
+    if not 0 < largest < LEAST_SIZE:
+        return math.sqrt(square)
+    factor = enlargement(largest)  # squares beyond the least number: r = 0 would be an answer to any velocities
+    return math.sqrt(squared_natural_residual(r * factor, u * factor, mu, s, dimension, not published)) / factor
+
+
+def size_of(q: FloatArray, floor: float = 0.0) -> float:
+    """max(||q||, floor): what errors divide by, of velocities q (m,) however small."""
+    size = float(np.linalg.norm(q))
+    if size < LEAST_SIZE and (largest := float(np.abs(q).max(initial=0.0))) > 0:
+        factor = enlargement(largest)
+        size = float(np.linalg.norm(q * factor)) / factor
+    return max(size, floor)
 
 
 def relative(residual: float, scale: float) -> float:
@@ -102,7 +119,7 @@ def error(problem: LocalProblem, r: FloatArray, u: FloatArray | None = None, flo
     if u is None:
         u = problem.W @ r + problem.q
     residual = natural_map_residual(r, u, problem.mu, problem.dimension)
-    return relative(residual, max(float(np.linalg.norm(problem.q)), floor))
+    return relative(residual, size_of(problem.q, floor))
 
 
 def scaled_error(problem: LocalProblem, r: FloatArray, u: FloatArray | None = None, floor: float = 0.0) -> float:
@@ -114,7 +131,7 @@ def scaled_error(problem: LocalProblem, r: FloatArray, u: FloatArray | None = No
     if u is None:
         u = problem.W @ r + problem.q
     residual = natural_map_residual(r, u, problem.mu, problem.dimension, problem.compliance)
-    return relative(residual, max(float(np.linalg.norm(problem.q)), floor))
+    return relative(residual, size_of(problem.q, floor))
 
 
 @dataclass(frozen=True)
@@ -194,7 +211,7 @@ class Judge:
     @cached_property
     def scale(self) -> float:
         """||q||, q the velocity without reactions."""
-        return float(np.linalg.norm(self.velocity(np.zeros(self.problem.m))))
+        return size_of(self.velocity(np.zeros(self.problem.m)))
 
     @cached_property
     def compliance(self) -> FloatArray:

@@ -32,7 +32,7 @@ from fcsim.problem.bodies.late import LateSum
 from fcsim.problem.bodies.shares import BodyShares, KnownShares
 from fcsim.problem.delassus import diagonal_blocks, own_compliance
 from fcsim.problem.delassus_sum import DelassusSum
-from fcsim.problem.elimination import Elimination
+from fcsim.problem.elimination import Elimination, dependent_constraints_told
 from fcsim.problem.motion import Motion
 from fcsim.problem.problem import Answer, Followed, GlobalForm, GlobalProblem, LocalProblem, Reduced
 from fcsim.runtime import limited_threads
@@ -333,9 +333,9 @@ def reduce(problem: GlobalForm, factor: MassFactor | None = None) -> Reduction:
         matrix = problem.entries
         if problem.G is not None:
             matrix = sp.csr_array(sp.block_array([[matrix, -sp.csr_array(problem.G)], [-sp.csr_array(problem.G).T, None]]))
-        touched = np.zeros(matrix.shape[0], dtype=bool)
-        touched[: problem.n] = _touched(problem.H)
-        factor = BlockFactor(matrix, touched)
+        touched = np.append(_touched(problem.H), np.zeros(matrix.shape[0] - problem.n, dtype=bool))
+        with dependent_constraints_told(problem.G):
+            factor = BlockFactor(matrix, touched)
     return Reduction(problem, factor)
 
 

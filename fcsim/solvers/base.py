@@ -16,7 +16,7 @@ from fcsim.brief import brief, shown
 from fcsim.errors import InputError
 from fcsim.problem import Checks, GlobalProblem, LocalProblem, natural_map_residual
 from fcsim.problem.infeasible import Certificate
-from fcsim.problem.judge import relative
+from fcsim.problem.judge import relative, size_of
 from fcsim.problem.reduction import Reduction
 from fcsim.ranks import told
 from fcsim.solvers.derivative import GlobalDerivative, LocalDerivative, derivative
@@ -159,7 +159,7 @@ class Monitor:
         self.best = float("inf")
         self.best_r: FloatArray | None = None
         with np.errstate(over="ignore"):
-            self.scale = max(float(np.linalg.norm(q)), floor)  # what the error divides by
+            self.scale = size_of(q, floor)  # what the error divides by
         self.floor = floor
 
     @property

@@ -12,6 +12,7 @@ from fcsim.arrays import FloatArray
 from fcsim.errors import InputError
 from fcsim.linear.factors import SingularMatrix
 from fcsim.problem import Answer, Followed, GlobalProblem, LocalProblem, Reduced, check, natural_map_residual
+from fcsim.problem.distributed import DistributedDelassus
 from fcsim.problem.elimination import Elimination
 from fcsim.problem.judge import blurred, outweighed, relative
 from fcsim.problem.reduction import Reduction, reduced
@@ -19,7 +20,7 @@ from fcsim.problem.rolling import GlobalRollingProblem
 from fcsim.runtime import limited_threads
 from fcsim.solvers.base import ERRORS, Iterate, Method, Monitor, Options, Result, Run, Status, checked_limits, choice, override
 from fcsim.solvers.memory import Memory
-from fcsim.solvers.small.door import LEAST_LIMIT, small
+from fcsim.solvers.small.door import CONTACTS, LEAST_LIMIT, small
 from fcsim.solvers.solve_rolling import solve_rolling
 from fcsim.solvers.table import method
 
@@ -98,8 +99,26 @@ def solve_by(
     )
     prepared = time.perf_counter()
     with np.errstate(over="ignore", invalid="ignore"):  # a diverging method meets infinity: its status says so
-        iterate = _run(run, form, given.q, r, monitor, options)
+        plain = memory is None and not overrides and time_limit >= LEAST_LIMIT
+        iterate = _by_the_door(chosen, given, r, monitor, answers, error) if plain else None
+        iterate = iterate or _run(run, form, given.q, r, monitor, options)
         return _judged(iterate, given, answers.of(iterate.r), monitor, error, solver, (start, prepared))
+
+
+def _by_the_door(chosen: Method, given: Reduced, r: FloatArray, monitor: Monitor, answers: _Answers, error: str) -> Iterate | None:
+    """What the small front door makes of the local form of a global or mixed problem of few contacts: None where it is not open or its
+    answer is none by the problem's own equations. The monitor has its iterations and history."""
+    if (
+        not isinstance(given, Reduction | Elimination)
+        or not 0 < len(given.mu) <= CONTACTS
+        or isinstance(given.local.W, DistributedDelassus)
+    ):
+        return None
+    found = small(given.local, chosen, False, "", r, monitor.tol, error, monitor.floor)
+    if found is None or (found.status.solved and not monitor.error(found.r, answers.velocity(found.r)) <= monitor.tol):
+        return None
+    monitor.iterations, monitor.history = found.iterations, found.history
+    return Iterate(found.r, found.status, "" if found.certificate is None else found.message, found.certificate)
 
 
 def _judged(

@@ -7,6 +7,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 from fcsim.arrays import FloatArray
 from fcsim.errors import InputError
+from fcsim.linear.factors import SingularMatrix
 from fcsim.problem import GlobalProblem, LocalProblem
 from fcsim.problem.reduction import Reduction
 from fcsim.runtime import limited_threads
@@ -31,7 +32,8 @@ def solve_many(
                pay from some ten contacts on (docs/small_problems.md)
     options    of `solve`: tol, error, floor, time_limit (of one problem), options of the method
 
-    Raises InputError for whatever is wrong with the arguments or with a problem, which is named by its place; the rest is not solved.
+    Raises InputError for whatever is wrong with the arguments or with a problem, which is named by its place, SingularMatrix
+    alike for a problem whose M or constraints are singular; the rest is not solved.
     """
     if not isinstance(threads, int) or threads < 1:
         raise InputError(f"threads: expected a whole number >= 1, got {threads!r}")
@@ -40,6 +42,8 @@ def solve_many(
     if not isinstance(problems, Iterable):
         raise InputError(f"problems: expected a list of problems, got a {type(problems).__name__}")
     problems = list(problems)
+    if not (starts is None or isinstance(starts, Iterable)):
+        raise InputError(f"starts: expected a list of starting points, got a {type(starts).__name__}")
     given = [None] * len(problems) if starts is None else list(starts)
     if len(given) != len(problems):
         raise InputError(f"starts: expected one for each of {len(problems)} problems, got {len(given)}")
@@ -50,8 +54,8 @@ def solve_many(
     def answer(k: int) -> Result:
         try:
             return one(problems[k], solver, given[k], **options)
-        except InputError as error:
-            raise InputError(f"problems[{k}]: {error}") from error
+        except (InputError, SingularMatrix) as error:
+            raise type(error)(f"problems[{k}]: {error}") from error
 
     if threads == 1 or len(problems) < 2:
         return [answer(k) for k in range(len(problems))]

@@ -13,6 +13,7 @@ import numpy as np
 
 from fcsim.arrays import FloatArray
 from fcsim.problem._judge_kernels import ROUGH
+from fcsim.problem.cone import LEAST_SIZE, enlargement
 from fcsim.problem.rolling._cone_kernels import step_rolling_cone
 
 
@@ -58,4 +59,9 @@ def natural_residual(
     rough = np.minimum(np.hypot(np.hypot(mu, mu_r), 0.0 if mu_s is None else mu_s), ROUGH)
     parts = np.linalg.norm(F + (y - project_rolling_cone(y, mu, mu_r, mu_s)), axis=1)
     least = np.maximum(-u[::rows], 0.0) / np.sqrt(1 + rough**2) if scaled else 0.0
-    return float(np.linalg.norm(np.maximum(parts, least)))
+    residual = float(np.linalg.norm(np.maximum(parts, least)))
+    largest = max(np.abs(u).max(initial=0.0), np.abs(y).max(initial=0.0)) if residual < LEAST_SIZE else 0.0
+    if not 0 < largest < LEAST_SIZE:
+        return residual
+    factor = enlargement(largest)
+    return natural_residual(r * factor, u * factor, mu, mu_r, compliance, mu_s, scaled) / factor

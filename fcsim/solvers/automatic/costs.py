@@ -58,6 +58,8 @@ PIECE = {2: 0.4, 3: 0.2}
 """A piece of a path over an iteration of proximal Newton without the contacts' own equations, in the bodies' velocities, in 2D and in 3D:
 measured 0.35 to 0.6 on arches and walls of 300 to 2000 contacts, 0.1 to 0.4 where faces hold one another. Its steps are compiled and
 change an elimination at one contact."""
+PIECE_IN_W = 1.0
+"""The same in W of few contacts, where its steps are not compiled."""
 INTERIOR_STEPS, OWN_INTERIOR = 40, 45_000
 """Small steps of an iteration of the interior point beside its system, and operations of a contact, as measured."""
 SVD = 10
@@ -163,8 +165,9 @@ class Prices:
 
     @property
     def piece(self) -> float:
-        """A piece of a path in the bodies' velocities, which mostly changes an elimination at one contact; or an iteration of Newton."""
-        return PIECE[self.problem.dimension] * self.proximal(0)
+        """A piece of a path in the bodies' velocities, which mostly changes an elimination at one contact, or in W; or an iteration of
+        Newton."""
+        return (PIECE[self.problem.dimension] if self.in_velocities else PIECE_IN_W) * self.proximal(0)
 
     @cached_property
     def least_in_velocities(self) -> float:

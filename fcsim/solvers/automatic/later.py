@@ -17,6 +17,8 @@ its rate it needs more again: easy steps of masonry in motion take it 50 to 80."
 PIECES_OF_EDGES, PIECES_OF_FACES = 1.0, 0.5
 """Pieces a contact whose cost others have spent when paths are followed from zero: those that arrive take 0.1 to 0.9 in faces, 0.3 in the
 median, and 1 to 3 in edges."""
+PATHS_IN_W = 100
+"""Contact unknowns up to which paths are followed in W, whose eliminations are of all of it: in beds of 150 they held others up."""
 INTERIOR_OF_BLOCKS, INTERIOR_OF_BEDS = 10, 20
 """Iterations of an interior point that proximal Newton still needs when that enters in blocks, and that it has spent in beds of grains. An
 interior point takes 7 to 30 in faces, 18 to 60 in edges, 22 to 100 in beds of grains."""
@@ -127,8 +129,10 @@ def enter_paths(race: Race) -> bool:
     there is nothing to arrive at goes first. From zero, where edges or faces hold one another, whose paths are of about
     a piece a contact, or half of one, once others have spent as much; in beds of grains where proximal Newton is stuck."""
     runner = race.runners.get("proximal Newton")
-    if runner is None or (race.best > FAR and not race.over("proof")) or not race.prices.in_velocities:
+    if runner is None or (race.best > FAR and not race.over("proof")):
         return False
+    if not race.prices.in_velocities:
+        return not race.warm and race.joints is None and race.problem.m <= PATHS_IN_W and stuck(runner, PATHS_AFTER)
     if not race.warm and not held_as_blocks(race):
         return stuck_for_long(runner)
     if interior_is_first(race):
@@ -164,9 +168,14 @@ def enter_least_squares_again(race: Race) -> bool:
     return runner is not None and not race.running() and race.best < runner.monitor.best
 
 
+def stuck(runner: Runner, after: int) -> bool:
+    """Whether proximal Newton has ended, or has made the error no tenth smaller in half of so many iterations, or more."""
+    return runner.result is not None or (runner.monitor.iterations >= after and runner.gain(0.5) < 1 / 0.9)
+
+
 def stuck_for_long(runner: Runner) -> bool:
-    """Whether proximal Newton has ended, or has made the error no tenth smaller in half of many iterations."""
-    return runner.result is not None or (runner.monitor.iterations >= FRESH and runner.gain(0.5) < 1 / 0.9)
+    """`stuck` of many iterations."""
+    return stuck(runner, FRESH)
 
 
 def enter_from_zero(race: Race) -> bool:

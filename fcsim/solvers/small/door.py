@@ -14,6 +14,7 @@ import numpy as np
 
 from fcsim.arrays import FloatArray
 from fcsim.problem import Checks, LocalProblem
+from fcsim.problem.cone import LEAST_SIZE
 from fcsim.problem.infeasible import certificate
 from fcsim.problem.judge import BLURRED, OUTWEIGHED, ROUND_OFF, blurred, outweighed, relative
 from fcsim.solvers.automatic.stages import automatic
@@ -82,7 +83,7 @@ def small(
         return None
     errors = relative(scaled, scale), relative(plain, scale)
     deciding, status = errors[error == "published"], STATUSES[ended] if certified is None else Status.INFEASIBLE
-    if (deciding <= tol) != status.solved:  # by round-off between the sweeps' u and the answer's: the general way decides
+    if (deciding <= tol) != status.solved or (scale < LEAST_SIZE and q.any()):  # round-off, or squares are lost: the general way decides
         return None
     cone, dual_cone, penetration, product, r_max, u_max, r_size, u_size = found
     checks = Checks(cone / (r_max or 1.0), dual_cone / (u_max or 1.0), abs(product) / ((r_size * u_size) or 1.0), penetration)

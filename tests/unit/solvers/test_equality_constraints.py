@@ -146,6 +146,19 @@ def test_redundant_constraints() -> None:
         solve(contradictory, "NSN-AC")
 
 
+@pytest.mark.parametrize(("columns", "rank"), [((0, 0), 1), ((0, 1, 2), 2), ((0, 3), 1)])
+def test_dependent_constraints_of_a_global_problem_are_named(columns: tuple[int, ...], rank: int) -> None:
+    """M alone is regular; the third constraint is the sum of two others, the fourth is none."""
+    G = np.zeros((6, 4))
+    G[0, 0] = G[1, 1] = G[0, 2] = G[1, 2] = 1.0
+    H = np.random.default_rng(0).standard_normal((6, 3))
+    p = GlobalProblem(np.eye(6), H, np.ones(6), np.zeros(3), np.array([0.5]), G[:, columns], np.zeros(len(columns)))
+    named = f"G: expected independent equality constraints .* got {len(columns)} of rank {rank}: leave {len(columns) - rank} out"
+    with pytest.raises(SingularMatrix, match=named):
+        solve(p, "auto")
+    assert solve(replace(p, G=G[:, :1], b=np.zeros(1)), "auto").solved
+
+
 def test_constraint_that_does_not_determine_its_multiplier() -> None:
     """R = 0: V^T r + s = 0 binds r itself."""
     p = LocalProblem(np.eye(3), np.array([-1.0, 0, 0]), np.array([0.3]), np.ones((3, 1)), np.zeros((1, 1)), np.ones(1))

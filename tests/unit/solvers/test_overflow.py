@@ -7,6 +7,7 @@ import scipy.sparse as sp
 from fcsim.errors import FcsimError
 from fcsim.problem import GlobalProblem, LocalProblem
 from fcsim.problem.judge import relative
+from fcsim.problem.rolling import GlobalRollingProblem
 from fcsim.solvers import SOLVERS, Status, solve
 
 COULOMB = [name for name, method in SOLVERS.items() if 5 not in method.dimensions]
@@ -61,3 +62,35 @@ def test_velocities_whose_squares_overflow_are_solved_by_nothing(name: str) -> N
     result = solve(GlobalProblem(sp.csc_array(np.eye(3)), sp.csc_array(np.eye(3)), f, np.zeros(3), np.array([0.3])), name)
     assert result.u[0] < 0 and result.status is not Status.SOLVED
     assert np.isnan(relative(1.0, np.inf)) and np.isnan(relative(0.0, np.inf)) and np.isnan(relative(0.0, np.nan))
+
+
+@pytest.mark.filterwarnings("ignore")
+@pytest.mark.parametrize("error", ["scaled", "published"])
+@pytest.mark.parametrize("name", ["NSN-AC", "NSGS-AC", "ADMM", "PROX-NEWTON", "auto"])
+def test_velocities_whose_squares_underflow_are_no_rest(name: str, error: str) -> None:
+    """r = 0 with u_N < 0 was called SOLVED, since an error of 0 over 0 is zero; solutions are proportional to q."""
+    rng = np.random.default_rng(2)
+    H = rng.standard_normal((12, 9))
+    f, mu = rng.standard_normal(12), np.array([0.2, 0.5, 0.9])
+    for size in (1.0, 1e-130, 1e-158, 1e-200, 1e-290):
+        for p in (GlobalProblem(np.eye(12), H, f * size, np.zeros(9), mu), LocalProblem(H.T @ H, H.T @ f * size, mu)):
+            result = solve(p, name, error=error, tol=1e-6)
+            r, u = result.r / size, result.u / size
+            lost = np.einsum("ai,ai->a", r.reshape(3, 3)[:, 1:], u.reshape(3, 3)[:, 1:])
+            slides = np.linalg.norm(u.reshape(3, 3)[:, 1:], axis=1)
+            holds = u[::3].min() > -1e-4 and np.abs(r[::3] * u[::3]).max() < 1e-4 and np.abs(lost + mu * r[::3] * slides).max() < 1e-4
+            assert result.solved <= holds, (size, result.error)
+            assert result.solved or size < 1
+        zero = solve(LocalProblem(H.T @ H, np.zeros(9), mu), name, error=error)
+        assert zero.solved and not zero.r.any()
+
+
+@pytest.mark.filterwarnings("ignore")
+@pytest.mark.parametrize("name", [name for name, method in SOLVERS.items() if 5 in method.dimensions])
+def test_velocities_whose_squares_underflow_are_no_rest_with_rolling_friction(name: str) -> None:
+    f = np.array([-1.0, 0.2, 0.0, 0.1, 0.0])
+    for size in (1.0, 1e-158, 1e-200, 1e-290):
+        p = GlobalRollingProblem(np.eye(5), np.eye(5), f * size, np.zeros(5), np.array([0.5]), np.array([0.5]))
+        result = solve(p, name, tol=1e-6)  # it sticks: r = -f
+        assert result.solved <= (np.abs(result.r / size + f).max() < 1e-5)
+        assert result.solved or size < 1

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from fcsim.errors import InputError
+from fcsim.linear.factors import SingularMatrix
 from fcsim.problem import GlobalProblem, LocalProblem
 from fcsim.solvers import solve, solve_many
 
@@ -55,6 +56,7 @@ def test_kinds_may_be_mixed_and_none_is_none() -> None:
         ({"solver": "magic"}, "solver 'magic'"),
         ({"starts": [None]}, "starts: expected one for each of 2 problems, got 1"),
         ({"starts": [None, np.zeros(4)]}, r"problems\[1\]: r: expected a starting point"),
+        ({"starts": 5}, "starts: expected a list of starting points, got a int"),
         ({"tol": 0.0}, r"problems\[0\]: tol"),
         ({"memory": None}, "memory"),
         ({"magic": 1}, r"problems\[0\]: option 'magic'"),
@@ -69,6 +71,13 @@ def test_what_is_no_problem_is_named_by_its_place() -> None:
     given: list[Any] = [*problems(1), "a problem"]
     with pytest.raises(InputError, match=r"problems\[1\]: problem: expected a GlobalProblem"):
         solve_many(given, threads=2)
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_a_singular_problem_is_named_by_its_place(threads: int) -> None:
+    singular = GlobalProblem(np.zeros((3, 3)), np.eye(3), np.ones(3), np.zeros(3), np.array([0.5]))
+    with pytest.raises(SingularMatrix, match=r"problems\[1\]: M is singular"):
+        solve_many([*problems(1), singular], threads=threads)
 
 
 @pytest.mark.parametrize("problems", [None, LocalProblem(np.eye(3), np.array([-1.0, 0, 0]), np.ones(1))])

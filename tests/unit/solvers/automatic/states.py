@@ -81,7 +81,8 @@ class State:
 
     @property
     def problem(self) -> Any:
-        return SimpleNamespace(nc=self.nc, dimension=self.dimension, W=sp.csr_array(np.eye(1)) if self.sparse else np.eye(1))
+        W = sp.csr_array(np.eye(1)) if self.sparse else np.eye(1)
+        return SimpleNamespace(nc=self.nc, dimension=self.dimension, m=self.nc * self.dimension, W=W)
 
     @property
     def prices(self) -> Any:

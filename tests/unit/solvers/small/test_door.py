@@ -12,7 +12,7 @@ import scipy.sparse as sp
 from numpy.testing import assert_allclose
 
 from fcsim.bench.families import problems
-from fcsim.problem import LocalProblem, check
+from fcsim.problem import GlobalProblem, LocalProblem, check
 from fcsim.problem.reduction import reduced
 from fcsim.solvers import Memory, Result, Status, method, solve
 from fcsim.solvers.small import door
@@ -193,3 +193,48 @@ def test_where_newton_has_failed_the_race_takes_over_in_the_bodies_velocities(ca
     by_the_door(replace(p, motion=None), "auto")
     assert p.motion is not None and p.motion.M.shape[0] == 48 and known < calls[-1][1]
     assert solve(p, "auto").solved
+
+
+def on_two_scales(seed: int, d: int, constrained: bool) -> GlobalProblem:
+    """Bodies of masses 1e5 apart coupled at random, with a constraint between two of them: the race takes some thousand iterations."""
+    rng = np.random.default_rng(seed)
+    nb, k = (3 if d == 2 else 6), 15
+    M = np.diag(np.repeat(np.r_[np.full(3, 400.0), np.full(3, 0.004)], nb) * rng.uniform(0.5, 2, 6 * nb))
+    H = np.zeros((6 * nb, d * k))
+    for a in range(k):
+        for body in rng.choice(6, 2, replace=False):
+            H[nb * body : nb * body + nb, d * a : d * a + d] = rng.standard_normal((nb, d))
+    G, b = (np.eye(6 * nb)[:, [0]] - np.eye(6 * nb)[:, [nb]], np.zeros(1)) if constrained else (None, None)
+    return GlobalProblem(M, H, M @ rng.standard_normal(6 * nb), np.zeros(d * k), rng.uniform(0, 1.5, k), G, b, dimension=d)
+
+
+@pytest.mark.parametrize("constrained", [False, True])
+@pytest.mark.parametrize(("seed", "d"), [(0, 2), (3, 2), (6, 2), (3, 3), (10, 3)])
+def test_global_problems_of_few_contacts_pass_the_door(seed: int, d: int, constrained: bool) -> None:
+    p = on_two_scales(seed, d, constrained)
+    found, race = solve(p, "auto"), solve(p, "auto", memory=Memory.of(np.arange(p.nc)))
+    assert found.solved and found.v is not None and found.iterations == solve(reduced(p).local, "auto").iterations
+    if not constrained:
+        assert found.iterations < 0.1 * race.iterations
+    assert len(found.history) > 1 and found.history[-1][2] <= 1e-8
+    # by the equations as they were given: momentum, constraint, and Coulomb's law of each contact
+    l = np.zeros(p.n) if found.multiplier is None else p.G @ found.multiplier
+    assert np.abs(p.M @ found.v - p.H @ found.r - l - p.f).max() <= 1e-9 * np.abs(p.f).max()
+    u = (p.H.T @ found.v + p.w).reshape(-1, d)
+    assert_allclose(found.u, u.ravel(), atol=1e-12 * np.abs(u).max())
+    r, slides = found.r.reshape(-1, d), np.linalg.norm(u[:, 1:], axis=1)
+    size = float(np.linalg.norm(reduced(p).q))
+    assert u[:, 0].min() >= -1e-7 * size and np.all(
+        np.linalg.norm(r[:, 1:], axis=1) <= (1 + 1e-6) * p.mu * r[:, 0] + 1e-6 * np.abs(r).max()
+    )
+    assert np.abs(r[:, 0] * u[:, 0]).max() <= 1e-6 * np.abs(r).max() * size
+    lost = np.einsum("ai,ai->a", r[:, 1:], u[:, 1:]) + p.mu * r[:, 0] * slides  # friction against sliding, as much as it may be
+    assert np.abs(lost).max() <= 1e-6 * np.abs(r).max() * size
+
+
+def test_global_problems_without_contacts_or_at_rest_are_answered() -> None:
+    free = GlobalProblem(np.eye(3), np.zeros((3, 0)), np.ones(3), np.zeros(0), np.zeros(0))
+    parting = GlobalProblem(np.eye(3), np.eye(3), np.array([1.0, 0.0, 0.0]), np.zeros(3), np.array([0.5]))
+    for p in (free, parting):
+        found = solve(p, "auto")
+        assert found.solved and found.iterations == 0 and found.v is not None and not found.r.any()

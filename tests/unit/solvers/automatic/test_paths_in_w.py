@@ -1,0 +1,54 @@
+"""Paths in W of few contacts, where bodies have too many velocities to eliminate in these: rods with large friction."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from fcsim.problem import GlobalProblem
+from fcsim.solvers import solve
+from fcsim.solvers.automatic import stages
+from fcsim.solvers.automatic.race import Race
+
+
+def rods_in_points(seed: int, rods: int = 6, contacts: int = 12) -> GlobalProblem:
+    """Rods in the plane that touch in single points anywhere along them, friction from 1 to 10 000."""
+    rng = np.random.default_rng(seed)
+    H = np.zeros((3 * rods, 2 * contacts))
+    along = rng.uniform(0, 2 * np.pi, rods)
+    for a in range(contacts):
+        n = rng.standard_normal(2)
+        n /= np.linalg.norm(n)
+        frame = np.array([n, [-n[1], n[0]]]).T
+        for body, sign in zip(rng.choice(rods, 2, replace=False), (1, -1), strict=True):
+            x, y = rng.uniform(-1, 1) * np.array([np.cos(along[body]), np.sin(along[body])])
+            H[3 * body : 3 * body + 3, 2 * a : 2 * a + 2] = sign * np.vstack([frame, x * frame[1] - y * frame[0]])
+    M = np.diag(np.repeat(10 ** rng.uniform(-1, 1, rods), 3) * np.tile([1, 1, 1 / 3], rods))
+    f = M @ rng.standard_normal(3 * rods)
+    mu = 10 ** rng.uniform(0, 4, contacts)
+    return GlobalProblem(M, H, f, np.zeros(2 * contacts), mu, dimension=2)
+
+
+OTHERS = tuple(stage.name for stage in stages.STAGES if stage.name not in ("sweeps", "Newton", "proximal Newton", "proof", "paths"))
+
+
+@pytest.mark.parametrize("seed", [17, 39, 55, 82])
+def test_rods_with_large_friction_are_solved_along_paths(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where proximal Newton does not get on, also with loads changed by round-off; the answer by Coulomb's law itself."""
+    entered: list[str] = []
+    run = stages.run
+
+    def noted(race: Race, *arguments: object) -> object:
+        iterate = run(race, *arguments)  # type: ignore[arg-type]
+        entered.extend(race.runners)
+        return iterate
+
+    monkeypatch.setattr(stages, "run", noted)
+    p = rods_in_points(seed)
+    found = solve(p, "auto", max_iterations=2500, without=OTHERS)
+    assert found.solved and "paths" in entered
+    u, r = found.u.reshape(-1, 2), found.r.reshape(-1, 2)
+    size, impulse = np.abs(found.u).max(), np.abs(found.r).max()
+    assert u[:, 0].min() >= -1e-6 * size and np.all(np.abs(r[:, 1]) <= p.mu * r[:, 0] + 1e-6 * impulse)
+    assert np.abs(r[:, 0] * u[:, 0]).max() <= 1e-6 * impulse * size
+    assert np.abs(r[:, 1] * u[:, 1] + p.mu * r[:, 0] * np.abs(u[:, 1])).max() <= 1e-5 * impulse * size
