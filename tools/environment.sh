@@ -64,7 +64,9 @@ if [ ! -e .venv/.installed ] || ! .venv/bin/python -c '' >/dev/null 2>&1; then
     "$python" -m venv .venv
 fi
 rm -f .venv/.installed .venv/.ready
-.venv/bin/python -m pip install --disable-pip-version-check -q -c constraints.txt -e '.[fem,view,optimisation,masonry,dev]'
+.venv/bin/python -m pip install --disable-pip-version-check -q --no-compile -c constraints.txt -e '.[fem,view,optimisation,masonry,dev]'
+# on all cores what pip compiles on one, in twenty seconds and more; packages may hold templates that are no Python
+.venv/bin/python -m compileall -q -j 0 .venv/lib >/dev/null || true
 touch .venv/.installed
 .venv/bin/python -m fcsim doctor --quiet
 touch .venv/.ready

@@ -81,5 +81,7 @@ def join(parts: Sequence[Contacts]) -> Contacts:
     def padded(array: NDArray, value: int) -> NDArray:
         return np.pad(array, ((0, 0), (0, width - array.shape[1])), constant_values=value)
 
-    wide = [replace(part, nodes=padded(part.nodes, -1), weights=padded(part.weights, 0)) for part in parts]
+    parts = [part for part in parts if len(part)] or parts[:1]  # most kinds of contact are there in no step of most scenes
+    narrow = any(part.nodes.shape[1] < width for part in parts)
+    wide = [replace(part, nodes=padded(part.nodes, -1), weights=padded(part.weights, 0)) for part in parts] if narrow else parts
     return Contacts(*(np.concatenate([getattr(part, field.name) for part in wide]) for field in fields(Contacts)))

@@ -114,7 +114,9 @@ def slid(name: str, h: float) -> np.ndarray:
     return last.state.x[:2]
 
 
-@pytest.mark.parametrize("name", ["auto", "NNCG", "ADMM-SPECTRAL", "PROX-NEWTON"])
+@pytest.mark.parametrize(
+    "name", ["auto", "ADMM-SPECTRAL", *(pytest.param(name, marks=pytest.mark.slow) for name in ("NNCG", "PROX-NEWTON"))]
+)
 def test_a_thrown_cube_is_consistent_with_itself(name: str) -> None:
     """It comes to rest after v^2 / (2 mu g); what its step leaves falls with h, at least to first order over the three steps."""
     far = SPEED**2 / (2 * MU * G)

@@ -13,7 +13,7 @@ import numpy as np
 from fcsim.arrays import FloatArray, IntArray
 from fcsim.contact_detection.exact.pairs import near_pairs_of
 from fcsim.contact_detection.exact.rims import rims_in_space
-from fcsim.contact_detection.exact.solids import Placed, Touch, joined, leaves_by_its_side, rim_points, touch_of_solids
+from fcsim.contact_detection.exact.solids import Placed, Touch, joined, leaves_by_its_side, no_touch, rim_points, touch_of_solids
 from fcsim.mesh.exact_shape import across
 
 _PARALLEL = 0.05  # sine between axes below which sides touch at the ends of what they share
@@ -30,7 +30,7 @@ def cylinders_with_cylinders(now: Placed, alert: float) -> Touch:
     among = near_pairs_of(now, cylinders, cylinders, alert)
     mixed = near_pairs_of(now, cylinders, capsules, alert)
     if not len(among[0]) and not len(mixed[0]):  # most looks of most scenes: none of what follows is free for no pairs
-        return _crossing_sides(now, *among, alert)
+        return no_touch(now, now.solids.node.shape[1], now.solids.node.shape[1])
     a, b = np.concatenate([among[0], among[1]]), np.concatenate([among[1], among[0]])
     found = [
         _crossing_sides(now, np.concatenate([among[0], mixed[0]]), np.concatenate([among[1], mixed[1]]), alert),

@@ -8,7 +8,7 @@ from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.contact_detection.exact.mesh_skin import MeshSkin, normals
 from fcsim.contact_detection.exact.ragged import each_of
 from fcsim.contact_detection.exact.rims_on_edges import crossings_of_rims
-from fcsim.contact_detection.exact.solids import Placed, Touch, joined, rim_points
+from fcsim.contact_detection.exact.solids import Placed, Touch, joined, no_touch, rim_points
 from fcsim.contact_detection.surfaces.broad_phase import near_pairs
 
 _DEEP = 0.5  # of the radius: what lies deeper is another part
@@ -20,7 +20,10 @@ _FLAT = 1 - 1e-9  # cosine between facets of one face: the edge between them is 
 
 def cylinders_on_meshes(now: Placed, skin: MeshSkin, x: FloatArray, alert: float) -> Touch:
     """Contacts of the rims and ends of cylinders with meshed bodies at node positions x (n_nodes, 3) [m]."""
-    cylinders, normal = now.solids.of("cylinder"), normals(skin, x)
+    cylinders = now.solids.of("cylinder")
+    if not len(cylinders):
+        return no_touch(now, now.solids.node.shape[1], x.shape[1])
+    normal = normals(skin, x)
     return joined([f(now, skin, x, normal, cylinders, alert) for f in (_rims_on_faces, _ends_on_vertices, _ends_on_edges, _rims_on_edges)])
 
 

@@ -191,7 +191,8 @@ class ExactContacts:
                 if len(touch.bodies) and not known[touch.bodies[:, 1]].any():
                     found[kind], other = met_ahead(touch, now, x, way)
                     ahead |= other
-        return join([self._contacts(touch, kind) for kind, touch in enumerate(found)]), ahead
+        # the first has as many nodes as any, so that a contact has them whatever else is found
+        return join([self._contacts(touch, kind) for kind, touch in enumerate(found) if len(touch.bodies) or kind == 0]), ahead
 
     def _on_meshes(self, now: Placed, skin: MeshSkin, x: FloatArray, alert: float) -> list[Touch]:
         """Contacts with meshed bodies, by kind."""

@@ -9,7 +9,7 @@ import numpy as np
 from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.contact_detection.exact.mesh_skin import MeshSkin, normals
 from fcsim.contact_detection.exact.ragged import each_of, of_same_key
-from fcsim.contact_detection.exact.solids import Placed, Touch, leaves_by_its_side
+from fcsim.contact_detection.exact.solids import Placed, Touch, leaves_by_its_side, no_touch
 from fcsim.contact_detection.surfaces.broad_phase import near_pairs
 
 _TIE = 1e-9  # distances equal up to this share of the radius are one
@@ -90,6 +90,8 @@ def balls_on_meshes(now: Placed, skin: MeshSkin, x: FloatArray, alert: float) ->
     """Balls, and the half balls at the ends of capsules, on the skins of meshed bodies at node positions x (n_nodes, d) [m]."""
     balls, capsules = now.solids.of("sphere"), now.solids.of("capsule")
     solid = np.concatenate([balls, capsules, capsules])
+    if not len(solid):
+        return no_touch(now, now.solids.node.shape[1], x.shape[1])
     points = np.concatenate([now.core(balls, 0.0), now.core(capsules, -1.0), now.core(capsules, 1.0)])
     radius = now.solids.radius[solid]
     corners, normal = x[skin.facets], normals(skin, x)
@@ -151,6 +153,8 @@ def sides_on_meshes(now: Placed, skin: MeshSkin, x: FloatArray, alert: float) ->
     """The sides of capsules and cylinders on vertices and, in 3D, across edges of meshed bodies: where inner points of the core are above
     convex features."""
     capsules = now.solids.of("capsule", "cylinder")
+    if not len(capsules):
+        return no_touch(now, now.solids.node.shape[1], x.shape[1])
     normal = normals(skin, x)
     vertex = _sides_on_vertices(now, skin, x, capsules, alert)
     if x.shape[1] == 2:

@@ -20,6 +20,8 @@ def in_the_way(touch: Touch, rims: Touch, now: Placed, skin: MeshSkin) -> BoolAr
     an edge or a vertex of another body with a normal that leans against that of the faces, it cannot touch: linear in the way of a step,
     such contacts are closed sooner than what is round touches, and would hold up what rolls.
     """
+    if not len(touch.bodies) or not len(rims.bodies):
+        return np.ones(len(touch.bodies), dtype=bool)
     code, feature = np.divmod(rims.identity, skin.n_features)
     lowest = (feature < len(skin.facets)) & (code % 3 == 0)
     rims, code = rims.take(lowest), code[lowest]

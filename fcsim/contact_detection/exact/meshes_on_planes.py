@@ -6,7 +6,7 @@ import numpy as np
 
 from fcsim.arrays import FloatArray
 from fcsim.contact_detection.exact.mesh_skin import MeshSkin
-from fcsim.contact_detection.exact.solids import Placed, Touch
+from fcsim.contact_detection.exact.solids import Placed, Touch, no_touch
 
 
 def meshes_on_planes(now: Placed, skin: MeshSkin, x: FloatArray, alert: float) -> Touch:
@@ -15,6 +15,8 @@ def meshes_on_planes(now: Placed, skin: MeshSkin, x: FloatArray, alert: float) -
     The vertex is the slave, with its own node; the master is the plane at the vertex' foot.
     """
     planes = now.solids.of("plane")
+    if not len(planes):
+        return no_touch(now, 1, now.solids.node.shape[1])
     body = np.zeros(len(skin.vertices), dtype=np.int64)
     body[skin.vertex] = skin.body[:, None]
     height = np.einsum("vpd,pd->vp", x[skin.vertices][:, None] - now.centre[planes], now.along[planes])

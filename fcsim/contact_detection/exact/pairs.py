@@ -6,7 +6,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from fcsim.arrays import BoolArray, FloatArray, IntArray
-from fcsim.contact_detection.exact.solids import Placed, Touch, rim_points, touch_of_solids
+from fcsim.contact_detection.exact.solids import Placed, Touch, joined, no_touch, rim_points, touch_of_solids
 from fcsim.mesh.exact_shape import across
 
 _PARALLEL = 0.05  # cores whose directions differ by less (sine) touch at the ends of what they share, not at one point
@@ -38,6 +38,8 @@ def rounded_contacts(now: Placed, alert: float) -> Touch:
     """
     round_ = now.solids.of("sphere", "capsule")
     a, b = near_pairs_of(now, round_, round_, alert)
+    if not len(a):
+        return no_touch(now, now.solids.node.shape[1], now.solids.node.shape[1])
     share_a, share_b = _core_points(now, a, b)
     k = share_a.shape[1]
     a, b, code = np.repeat(a, k), np.repeat(b, k), np.tile(np.arange(k), len(a))
@@ -102,6 +104,8 @@ def on_planes(now: Placed, alert: float) -> Touch:
     found = []
     planes = now.solids.of("plane")
     for round_, shares in ((now.solids.of("sphere"), (0.0,)), (now.solids.of("capsule"), (-1.0, 1.0))):
+        if not len(round_) or not len(planes):
+            continue
         a, b = (x.ravel() for x in np.meshgrid(round_, planes, indexing="ij"))
         for code, share in enumerate(shares):
             normal = now.along[b]
@@ -113,7 +117,7 @@ def on_planes(now: Placed, alert: float) -> Touch:
         for end, share in enumerate((-1.0, 1.0)):
             points = rim_points(now, a, share, now.along[b])
             found += [_on_plane(now, a, b, points[:, third], 3 * end + third, alert) for third in range(3)]
-    return Touch._make(np.concatenate(parts) for parts in zip(*found, strict=True))
+    return joined(found) if found else no_touch(now, now.solids.node.shape[1], now.solids.node.shape[1])
 
 
 def _on_plane(now: Placed, a: IntArray, b: IntArray, point: FloatArray, code: int, alert: float) -> Touch:
@@ -130,13 +134,15 @@ def balls_on_cylinders(now: Placed, alert: float) -> Touch:
     cylinders = now.solids.of("cylinder")
     pairs = [near_pairs_of(now, now.solids.of(kind), cylinders, alert) for kind in ("sphere", "capsule", "capsule")]
     a, b = (np.concatenate(part) for part in zip(*pairs, strict=True))
+    if not len(a):
+        return no_touch(now, now.solids.node.shape[1], now.solids.node.shape[1])
     share = np.repeat([0.0, -1.0, 1.0], [len(one) for one, _ in pairs])
     centre = now.core(a, share)
     axis, arm = now.along[b], centre - now.centre[b]
     height = np.einsum("nd,nd->n", arm, axis)
     out = arm - height[:, None] * axis
     distance = np.linalg.norm(out, axis=1)
-    outwards = np.where(distance[:, None] > 0, out / np.maximum(distance, 1e-300)[:, None], across(axis)[0] if len(a) else out)
+    outwards = np.where(distance[:, None] > 0, out / np.maximum(distance, 1e-300)[:, None], across(axis)[0])
     r, half = now.solids.radius[b], now.solids.half[b]
     inside = (distance < r) & (np.abs(height) < half)
     side = inside & (r - distance <= half - np.abs(height))

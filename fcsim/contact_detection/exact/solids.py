@@ -121,6 +121,8 @@ def round_points(touch: Touch, there: Placed, begin: Placed) -> Touch:
     touches then comes down along a cycloid from where it is now, and to the law 0 <= g + h u_N, which takes its motion for straight, it
     would seem to come by R (omega h)^2 / 2 too far.
     """
+    if not len(touch.bodies):
+        return touch
     solid = np.full(int(max(touch.bodies.max(initial=0), there.solids.body.max(initial=0))) + 1, -1)
     solid[there.solids.body] = np.arange(len(there.solids.body))
     weights = []
@@ -141,6 +143,15 @@ def round_points(touch: Touch, there: Placed, begin: Placed) -> Touch:
         own[curved] = begin.weights(k, place)
         weights.append(own)
     return touch._replace(slave_weights=weights[0], master_weights=weights[1])
+
+
+def no_touch(now: Placed, slave: int, master: int) -> Touch:
+    """No contacts, of so many nodes on either side: what is found where no solid is of the kind, without a look at anything."""
+    d = now.centre.shape[1]
+    vectors, nodes = np.empty((0, d)), [np.empty((0, k), dtype=np.int64) for k in (slave, master)]
+    bodies = np.empty((0, 2), dtype=np.int64)
+    weights = [np.empty((0, k)) for k in (slave, master)]
+    return Touch(vectors, vectors, vectors, nodes[0], weights[0], nodes[1], weights[1], bodies, np.empty(0, dtype=np.int64))
 
 
 def joined(parts: Sequence[Touch]) -> Touch:

@@ -28,6 +28,7 @@ def closed_skin(boundary: Boundary, positions: FloatArray, names: Sequence[str])
     facets = np.where(boundary.facets < 0, vertex[:, :1], vertex)
     if d == 2:
         facets = facets[:, [0, 1, 1, 0]]
+    facets = np.ascontiguousarray(facets)  # else by columns where one body's are: each kernel would be compiled twice
     real = np.arange(4) < boundary.sides[:, None]
     vertex_body = np.zeros(len(node), dtype=np.int64)
     vertex_body[facets[real]] = np.broadcast_to(boundary.body[:, None], facets.shape)[real]

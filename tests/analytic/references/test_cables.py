@@ -21,7 +21,7 @@ def test_a_ball_whirled_on_a_cable_stays_on_its_circle(h: float) -> None:
     linkage = Linkage(model, [Cable("cable", "ball", None, ((length, 0.0, 0.0), (0.0, 0.0, 0.0)))])
     state = fcsim.State(0.0, np.zeros(6), np.array([0.0, speed, 0.0, 0.0, 0.0, 0.0]))
     detection = WithCables(fcsim.ExactContacts(model, mu=0.0), linkage)
-    *_, last = fcsim.Simulation(model, detection, fcsim.Theta(h), 200, linkage=linkage, initial=state)
+    *_, last = fcsim.Simulation(model, detection, fcsim.Theta(h), 100, linkage=linkage, initial=state)
     order = (speed / length * h) ** 2
     assert np.linalg.norm(last.state.x[:3] + np.array([length, 0.0, 0.0])) == pytest.approx(length, abs=order * length + 1e-12)
     assert np.linalg.norm(last.state.v[:3]) == pytest.approx(speed, rel=order)
@@ -38,7 +38,7 @@ def test_a_ball_whirled_under_the_law_on_velocities_stays_on_its_circle_too(rest
     state = fcsim.State(0.0, np.zeros(6), np.array([0.0, speed, 0.0, 0.0, 0.0, 0.0]))
     detection = WithCables(fcsim.ExactContacts(model, mu=0.0), linkage)
     scheme = fcsim.Theta(h, law=fcsim.Velocity(restitution))
-    *_, last = fcsim.Simulation(model, detection, scheme, 300, linkage=linkage, initial=state)
+    *_, last = fcsim.Simulation(model, detection, scheme, 150, linkage=linkage, initial=state)
     order = (speed / length * h) ** 2
     assert np.linalg.norm(last.state.x[:3] + np.array([length, 0.0, 0.0])) == pytest.approx(length, abs=order * length)
     assert np.linalg.norm(last.state.v[:3]) == pytest.approx(speed, rel=order)

@@ -82,7 +82,10 @@ def rolled(kind: str, law: Any, elements: str, length: float, depth: float = 0.0
     return np.array([-step.contact_force_on(model.number["half"])[d - 1] for step in steps]) / (1 if d == 2 else width)
 
 
-@pytest.mark.parametrize(("law", "elements"), [(Material, "Q1-enhanced"), (saint_venant_kirchhoff, "Q1-bbar")])
+@pytest.mark.parametrize(
+    ("law", "elements"),
+    [(Material, "Q1-enhanced"), pytest.param(saint_venant_kirchhoff, "Q1-bbar", marks=pytest.mark.slow)],  # the latter: test_hertz too
+)
 def test_rollers_press_as_the_disk_of_plane_strain(law: Any, elements: str) -> None:
     """Capsules and cylinders longer than a slab that is held in its width, and a cylinder that ends with it: the disk's force in plane
     strain on the same cells, six facets in the half width; Hertz' half width for it, 2 sqrt(F R / (pi E*)), covers as many."""

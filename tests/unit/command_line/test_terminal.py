@@ -62,10 +62,8 @@ def test_an_answer_that_a_full_disk_does_not_take_is_no_success(options: str) ->
     assert done.stderr.decode() == "fcsim: standard output: No space left on device; the answer there is not whole\n"
 
 
-@pytest.mark.parametrize(
-    ("sent", "by"), [("SIGTERM", "SIGTERM"), ("SIGHUP", "SIGHUP (the terminal was closed)"), ("SIGINT", "the keyboard")]
-)
-def test_who_ended_a_run_is_said(case_folder: Path, tmp_path: Path, sent: str, by: str) -> None:
+def test_a_terminal_that_is_closed_ends_a_run_and_is_said_to(case_folder: Path, tmp_path: Path) -> None:
+    """The keyboard and SIGTERM: tests/unit/running/test_run.py, `test_signals`."""
     out = tmp_path / "out"
     (case_folder / "hold").touch()
     command = [sys.executable, "-m", "fcsim", "run", str(case_folder), "--out", str(out), "--set", "held=on", "--vtk-every", "0"]
@@ -74,18 +72,19 @@ def test_who_ended_a_run_is_said(case_folder: Path, tmp_path: Path, sent: str, b
         env={**os.environ, "PYTHONPATH": str(ROOT)},
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
-        preexec_fn=lambda: [signal.signal(number, signal.SIG_DFL) for number in (signal.SIGINT, signal.SIGHUP)],
+        preexec_fn=lambda: signal.signal(signal.SIGHUP, signal.SIG_DFL),
     )
     try:
         deadline = time.monotonic() + 120
         while not ((out / "steps.csv").is_file() and (out / "steps.csv").read_text().count("\n") > 2) and time.monotonic() < deadline:
             time.sleep(0.01)
-        process.send_signal(getattr(signal, sent))
+        process.send_signal(signal.SIGHUP)
         output, _ = process.communicate(timeout=120)
     finally:
         process.kill()
     description = open_run(out).description
     assert process.returncode == 130, output
+    by = "SIGHUP (the terminal was closed)"
     assert (description.status, description.message) == ("interrupted", f"interrupted by {by}; go on with --resume")
 
 
@@ -136,7 +135,7 @@ def test_no_command_runs_as_ranks_of_mpi(command: list[str], capsys: pytest.Capt
     assert f"fcsim {command[0]}: expected one process, got 4 ranks" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("closed", ["<&-", ">&-", "2>&-", "<&- >&- 2>&-"])
+@pytest.mark.parametrize("closed", [*(pytest.param(one, marks=pytest.mark.slow) for one in ("<&-", ">&-")), "2>&-", "<&- >&- 2>&-"])
 def test_streams_that_are_closed(case_folder: Path, tmp_path: Path, closed: str) -> None:
     """A run ended in an AttributeError of None, and result files took the numbers of the streams, into which libraries print."""
     arguments = ["run", str(case_folder), "--out", str(tmp_path / "out"), "--steps", "1", "--export-every", "0", "--vtk-every", "0"]

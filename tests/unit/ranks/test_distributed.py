@@ -34,6 +34,8 @@ def shared(mpiexec: Program, tmp_path_factory: pytest.TempPathFactory) -> Any:
 
     @cache
     def of(ranks: int) -> list[dict[str, Any]]:
+        for name in METHODS:  # first, so that the ranks find compiled what one process computes with: each would compile it
+            alone(name)
         folder = tmp_path_factory.mktemp("ranks")
         ended = mpiexec(ranks, PROGRAM, folder, timeout=280, env={"PYTHONPATH": str(Path(__file__).parents[3])})
         assert ended.code == 0, ended.err

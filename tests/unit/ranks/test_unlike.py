@@ -24,6 +24,8 @@ ENVIRONMENT = {"PYTHONPATH": str(Path(__file__).parents[3])}
 @pytest.fixture(scope="module")
 def shared(mpiexec: Program, tmp_path_factory: pytest.TempPathFactory) -> list[Any]:
     """What each of two ranks has found."""
+    for name in MODELS:  # first, so that the ranks find compiled what one process computes with: each would compile it
+        alone(name)
     folder = tmp_path_factory.mktemp("ranks")
     ended = mpiexec(2, PROGRAM, folder, timeout=280, env=ENVIRONMENT)
     assert ended.code == 0, ended.err

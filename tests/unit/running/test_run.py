@@ -311,11 +311,9 @@ def test_an_error_inside_a_run_is_not_called_finished(case_folder: Path, tmp_pat
     assert about["status"] == "failed" and "no space left" in about["message"]
 
 
-@pytest.mark.parametrize(
-    ("sent", "code", "status"), [("SIGINT", 130, "interrupted"), ("SIGTERM", 130, "interrupted"), ("SIGKILL", -9, "running")]
-)
-def test_signals(case_folder: Path, tmp_path: Path, whole: Path, steps_without_seconds: Rows, sent: str, code: int, status: str) -> None:
-    """A real process is stopped in the middle; resuming gives the uninterrupted run, bit by bit."""
+@pytest.mark.parametrize(("sent", "code", "by"), [("SIGINT", 130, "the keyboard"), ("SIGTERM", 130, "SIGTERM"), ("SIGKILL", -9, "")])
+def test_signals(case_folder: Path, tmp_path: Path, whole: Path, steps_without_seconds: Rows, sent: str, code: int, by: str) -> None:
+    """A real process is stopped in the middle, which its folder says; resuming gives the uninterrupted run, bit by bit."""
     out, hold = tmp_path / "out", case_folder / "hold"
     hold.touch()
     command = [sys.executable, "-m", "fcsim.command_line.main", "run", str(case_folder), "--out", str(out), "--set", "held=on"]
@@ -340,7 +338,7 @@ def test_signals(case_folder: Path, tmp_path: Path, whole: Path, steps_without_s
         hold.unlink()
     assert process.returncode == code, output
     about = json.loads((out / "run.json").read_text())
-    assert about["status"] == status
+    assert (about["status"], about["message"]) == (("interrupted", f"interrupted by {by}; go on with --resume") if by else ("running", ""))
     done = len(steps_without_seconds(out))
     assert 4 <= done < 12
     summary = run_case(load_case(case_folder), {}, out, PLAIN, resume=True)
