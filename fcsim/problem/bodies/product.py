@@ -26,6 +26,9 @@ from fcsim.threads import pieces, pieces_by_work, side_by_side
 
 OPERATIONS_A_PIECE = 4_000_000
 """Of products with compliances that one thread takes, as of other products of matrices."""
+SHARED_A_PIECE = 8_000_000
+"""The same of products with one C that several bodies share: BLAS copies C into its own order once for each piece, which takes as long as
+multiplying it by ten bodies' forces does."""
 CACHED = 250_000
 """Entries of C up to which a core's own cache holds it, so that each piece may read all of it for some bodies; of larger ones each piece
 reads some columns, for all bodies."""
@@ -153,7 +156,8 @@ class ShareProduct:
                 for i, j in pieces(n, max(1, OPERATIONS_A_PIECE // Y.size)):
                     yield partial(np.matmul, Y, C[:, i:j], out=Z[:, i:j])
                 continue
-            for i, j in pieces(len(Y), max(1, OPERATIONS_A_PIECE // (n * n))):
+            a_piece = SHARED_A_PIECE if C.ndim == 2 else OPERATIONS_A_PIECE
+            for i, j in pieces(len(Y), max(1, a_piece // (n * n))):
                 if C.ndim == 2:
                     yield partial(np.matmul, Y[i:j], C, out=Z[i:j])
                 else:

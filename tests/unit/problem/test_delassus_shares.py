@@ -87,7 +87,7 @@ def test_products_however_they_are_cut(monkeypatch: pytest.MonkeyPatch, kinds: l
     total, shares, expected = chain(kinds, d=d)
     run = (0, shares[0][1], np.array(kinds))
     x, q = np.random.default_rng(4).standard_normal((2, d * NC))
-    for name in ("OPERATIONS_A_PIECE", "WEIGHTS_A_PIECE", "CONTACTS_A_PIECE"):
+    for name in ("OPERATIONS_A_PIECE", "SHARED_A_PIECE", "WEIGHTS_A_PIECE", "CONTACTS_A_PIECE"):
         monkeypatch.setattr(bodies_product, name, 1)
     monkeypatch.setattr(bodies_product, "CACHED", cached)
     product, before = ShareProduct(BodyShares(*total.bodies, (run,), NC, d)), q.copy()
