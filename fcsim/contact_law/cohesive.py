@@ -115,7 +115,7 @@ class Cohesive:
         """i (nc,) at the beginning of the step: 0 where nothing was ever bonded."""
         fresh = np.ones(len(meeting))
         if meeting.variables is None:
-            fresh = np.where(_gap_before(meeting) <= BONDED_WITHIN * meeting.size, 0.0, 1.0)
+            fresh = np.where(meeting.gap_before <= BONDED_WITHIN * meeting.size, 0.0, 1.0)
         W = meeting.recall("fracture", fresh)
         return np.sqrt(1 - np.where(np.isnan(W), 1.0, W))
 
@@ -168,7 +168,7 @@ class Cohesive:
         if self.springs is None:
             return Remembered(values, given_back, breaking)
         stretch, energy = self.springs.after(meeting, outcome, course.crack[1])
-        return Remembered({**values, "crack": course.crack[1], "stretch": stretch}, energy + given_back, breaking)
+        return Remembered({**values, "crack": course.crack[1], **stretch}, energy + given_back, breaking)
 
     def _shear(self, meeting: Meeting) -> FloatArray:
         """c (nc,) [Pa]."""
@@ -218,16 +218,10 @@ class Cohesive:
         theta, L, gap = meeting.timing.theta, meeting.timing.length_per_u, meeting.contacts.gap
         last = np.maximum(gap + L * theta * outcome.after[:, 0], 0.0)
         if self.springs is None:
-            return np.maximum(_gap_before(meeting), 0.0), last
+            return np.maximum(meeting.gap_before, 0.0), last
         strength = np.clip((acting - (1 - theta) * begin) / theta, 0.0, begin)
         crack = np.nan_to_num(meeting.recall("crack", np.zeros(len(meeting))))
         return crack, np.maximum(last - self.tension * strength / self.springs.normal, 0.0)
-
-
-def _gap_before(meeting: Meeting) -> FloatArray:
-    """The gap (nc,) [m] at the beginning of the step; contacts are detected where bodies will have moved on by their velocities."""
-    timing = meeting.timing
-    return meeting.contacts.gap - timing.length_per_u * (1 - timing.theta) * meeting.before[:, 0]
 
 
 def _area(meeting: Meeting) -> FloatArray:

@@ -9,10 +9,11 @@ import numpy as np
 from fcsim.arrays import BoolArray, FloatArray, is_number
 from fcsim.brief import shown
 from fcsim.contact_detection.contacts import Contacts
-from fcsim.contact_law.coulomb import remembered_slip
+from fcsim.contact_law.coulomb import NO_GAP, remembered_slip
 from fcsim.contact_law.friction import Elliptic, Friction, friction_terms
 from fcsim.contact_law.law import Meeting, Outcome, Remembered, Terms, Variables
 from fcsim.contact_law.proportions import Proportions
+from fcsim.contact_law.turning_along import attitudes, carried
 from fcsim.errors import InputError
 
 
@@ -25,6 +26,8 @@ class Springs:
         tangential  F r_T = - k e_theta - c e',   e' = L/h (theta u_T + (1-theta) u_T^- - slip),   e_theta = e + h theta e'
 
     with g where the contact is detected, e the stretch at the beginning of the step; so the energy of a spring is kept at theta = 1/2.
+    The stretch turns with the bodies, see `fcsim.contact_law.turning_along`. The normal dashpot acts on what touches, or is glued, as the
+    step begins: not on what comes near.
     each: stiffness [N/m] and damping [N s/m] are those of every contact, whatever its area: for contacts of edges and corners
     (`Everything`), which have none. A joint of four contacts is then four times as stiff as its contact.
     """
@@ -53,9 +56,10 @@ class Springs:
         theta, L, F = timing.theta, timing.length_per_u, timing.force_per_reaction
         before, stretch = meeting.before, self.stretch(meeting)
         w, C = np.zeros_like(before), np.empty_like(before)
-        implicit = area * (self.normal * L * theta**2 + self.normal_damping * L * theta / timing.h)
+        damping = np.where(self._touching(terms, meeting), self.normal_damping, 0.0)
+        implicit = area * (self.normal * L * theta**2 + damping * L * theta / timing.h)
         start = meeting.contacts.gap - L * (1 - theta) ** 2 * before[:, 0]
-        held = self.normal * start + self.normal_damping * L * (1 - theta) / timing.h * before[:, 0]
+        held = self.normal * start + damping * L * (1 - theta) / timing.h * before[:, 0]
         w[:, 0] = area * held / implicit
         C[:, 0] = F / implicit
         implicit = theta * area * (self.tangential * L * theta + self.tangential_damping * L / timing.h)
@@ -65,18 +69,25 @@ class Springs:
             w -= C * terms.adhesion
         return replace(terms, w=w, compliance=C)
 
+    def _touching(self, terms: Terms, meeting: Meeting) -> BoolArray:
+        """Whether a contact touches, or is glued, as the step begins (nc,): what comes near would else be braked by the dashpot before it
+        touches, from the gap c |g'| / k on."""
+        touching: BoolArray = meeting.gap_before <= NO_GAP * meeting.size
+        return touching if terms.adhesion is None else touching | (terms.adhesion[:, 0] > 0)
+
     def areas(self, meeting: Meeting) -> FloatArray:
         """What stiffness and damping are multiplied by (nc,): each contact's area [m^2], or 1."""
         return np.ones(len(meeting)) if self.each else meeting.area
 
     def stretch(self, meeting: Meeting) -> FloatArray:
         """The tangential stretch e (nc, d - 1) [m] at the beginning of the step in the contacts' frames; none where a contact is new."""
-        remembered = meeting.recall("stretch", np.zeros_like(meeting.before))
-        return meeting.in_frame(np.nan_to_num(remembered))[:, 1:]
+        remembered = np.nan_to_num(meeting.recall("stretch", np.zeros_like(meeting.before)))
+        unknown = np.full((len(meeting), 6), np.nan)
+        return carried(meeting, remembered, meeting.recall("attitude", unknown) if meeting.contacts.dimension == 3 else unknown)
 
-    def after(self, meeting: Meeting, outcome: Outcome, crack: FloatArray | None = None) -> tuple[FloatArray, float]:
-        """The stretch (nc, d) [m] at the end of the step in the world axes, and the energy [J] of all springs; crack (nc,) [m]: the
-        opening of joints under tension that is none of the springs'."""
+    def after(self, meeting: Meeting, outcome: Outcome, crack: FloatArray | None = None) -> tuple[dict[str, FloatArray], float]:
+        """What is remembered, the stretch (nc, d) [m] at the end of the step in the world axes and the bodies' attitudes, and the energy
+        [J] of all springs; crack (nc,) [m]: the opening of joints under tension that is none of the springs'."""
         timing = meeting.timing
         theta, L = timing.theta, timing.length_per_u
         mean = theta * outcome.after + (1 - theta) * meeting.before
@@ -89,7 +100,10 @@ class Springs:
         deep = np.where(touching | (r[:, 0] != 0), meeting.contacts.gap + theta * L * outcome.after[:, 0], 0.0)
         deep = np.minimum(deep, 0.0) if crack is None else np.where(deep > 0, np.maximum(deep - crack, 0.0), deep)
         energy = 0.5 * self.areas(meeting) * (self.normal * deep**2 + self.tangential * np.einsum("ai,ai->a", stretch, stretch))
-        return meeting.in_space(stretch), float(energy.sum())
+        values = {"stretch": meeting.in_space(stretch)}
+        if meeting.contacts.dimension == 3:
+            values["attitude"] = attitudes(meeting)
+        return values, float(energy.sum())
 
 
 @dataclass(frozen=True)
@@ -119,4 +133,4 @@ class Compliant:
 
     def remember(self, meeting: Meeting, outcome: Outcome) -> Remembered:
         stretch, energy = self.springs.after(meeting, outcome)
-        return Remembered({**remembered_slip(self.friction, meeting, outcome).values, "stretch": stretch}, energy)
+        return Remembered({**remembered_slip(self.friction, meeting, outcome).values, **stretch}, energy)

@@ -41,8 +41,10 @@ class Timing:
     moving: bool = True
 
 
-OF_ONE_STEP = ("rate",)
+OF_ONE_STEP = ("rate", "stretch", "attitude")
 """What laws remember of the last step alone: contacts that were not met in it have none."""
+UNSHOWN = ("attitude",)
+"""What laws remember of the bodies to carry other variables on: no result of a step."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,6 +143,11 @@ class Meeting:
     def area(self) -> FloatArray:
         """Area (nc,) [m^2] that each contact stands for."""
         return self.proportions.area_at(self.contacts, self.positions)
+
+    @property
+    def gap_before(self) -> FloatArray:
+        """The gap (nc,) [m] at the beginning of the step; contacts are detected where bodies will have moved on by their velocities."""
+        return self.contacts.gap - self.timing.length_per_u * (1 - self.timing.theta) * self.before[:, 0]
 
     def recall(self, name: str, fresh: FloatArray) -> FloatArray:
         """A variable of the contacts (nc,) or (nc, c); of contacts that are new, `fresh`."""

@@ -28,12 +28,15 @@ class Proportions:
     facets    (nf, k) node numbers of all named surfaces, each facet once, -1 = none
     thickness (nbodies,) [m] of deformable bodies in 2D; nan: rigid ones, which have none of their own, and in 3D
     rigid     (nbodies,) whether a body is
+    reference (n_nodes, d) [m] of the nodes, and first (nbodies,) node of each body
     """
 
     size: FloatArray
     facets: IntArray
     thickness: FloatArray
     rigid: BoolArray
+    reference: FloatArray
+    first: IntArray
 
     __repr__ = brief
 
@@ -48,6 +51,19 @@ class Proportions:
     def round_off_at(self, contacts: Contacts) -> FloatArray:
         """Round-off (nc,) [m] of the gaps."""
         return ROUND_OFF * np.abs(contacts.point).max(axis=1, initial=0.0)
+
+    def rotations(self, positions: FloatArray) -> FloatArray:
+        """R (nbodies, d, d) that leaves the least of x - c - R (X - C) of a body's nodes, at positions x (n_nodes, d) [m]; of rigid bodies
+        theirs. The unit matrix where all nodes of a body in space are on one line.
+
+        Source: W. Kabsch, "A discussion of the solution for the best rotation to relate two sets of vectors", Acta Cryst. A34, 1978.
+        """
+        count = np.diff(np.append(self.first, len(positions)))
+        moved, still = (x - np.repeat(np.add.reduceat(x, self.first) / count[:, None], count, axis=0) for x in (positions, self.reference))
+        left, size, right = np.linalg.svd(np.add.reduceat(moved[:, :, None] * still[:, None, :], self.first))
+        left[:, :, -1] *= np.sign(np.linalg.det(left @ right))[:, None]
+        on_a_line = size[:, -2] <= FLAT**2 * size[:, 0]
+        return np.where(on_a_line[:, None, None], np.eye(positions.shape[1]), left @ right)
 
     def area_at(self, contacts: Contacts, positions: FloatArray) -> FloatArray:
         """Area (nc,) [m^2] that each contact stands for, at positions (n_nodes, d) [m]; its sum over a joint is the joint's area.
@@ -116,7 +132,7 @@ def proportions(model: Model) -> Proportions:
     padded = [np.pad(array, ((0, 0), (0, width - array.shape[1])), constant_values=-1) for array in facets]
     rigid = np.array([not isinstance(body, Body) for body in model.bodies])
     thickness = np.array([np.nan if not isinstance(body, Body) or model.dimension == 3 else body.part.thickness for body in model.bodies])
-    return Proportions(size, np.concatenate(padded), thickness, rigid)
+    return Proportions(size, np.concatenate(padded), thickness, rigid, model.reference, np.asarray(model.node_offset[: len(rigid)]))
 
 
 def _size_of(body: Body | RigidBody) -> float:

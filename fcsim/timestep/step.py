@@ -17,7 +17,7 @@ from fcsim.assembly.model import Model
 from fcsim.assembly.supports import Support
 from fcsim.brief import brief, refused
 from fcsim.contact_detection.contacts import Contacts
-from fcsim.contact_law.law import NOTHING, Breaking, Variables
+from fcsim.contact_law.law import NOTHING, UNSHOWN, Breaking, Variables
 from fcsim.errors import InputError
 from fcsim.linkage import Linkage
 from fcsim.problem import GlobalProblem, contact_status
@@ -266,7 +266,8 @@ class Step:
         """What the contact law remembers of the step's contacts, by name: (nc,) or (nc, c)."""
         if self.variables is None:
             return {}
-        nothing = {name: np.full((len(self.contacts), *values.shape[1:]), np.nan) for name, values in self.variables.values.items()}
+        values = {name: values for name, values in self.variables.values.items() if name not in UNSHOWN}
+        nothing = {name: np.full((len(self.contacts), *known.shape[1:]), np.nan) for name, known in values.items()}
         return {name: self.variables.of(name, self.contacts.identity, fresh) for name, fresh in nothing.items()}
 
     def function(self, body: str, field: Field | str = "displacement") -> Function:

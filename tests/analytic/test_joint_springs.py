@@ -1,0 +1,124 @@
+"""Springs and dashpots of contacts against closed forms: what a dashpot brakes, and forces that turn with the bodies."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from fcsim import (
+    Compliant,
+    DrivenRotation,
+    Everything,
+    ExactContacts,
+    GeneralisedAlpha,
+    Simulation,
+    SolverSettings,
+    Springs,
+    Support,
+    Theta,
+    at_rest,
+    build_model,
+)
+from fcsim.mesh import rigid_box, rigid_plane, rigid_sphere
+from fcsim.timestep.step import Step
+
+HELD = ("x", "y", "z", "rx", "ry", "rz")
+TABLE = rigid_box("table", size=(1.0, 1.0, 0.1), centre=(0.0, 0.0, -0.05), mass=1.0)
+
+
+def force_on(step: Step, name: str) -> Any:
+    return step.contact_force_on(step.model.number[name])
+
+
+def of_body(step: Step, name: str, values: Any) -> Any:
+    first = step.model.dof_offset[step.model.number[name]]
+    return values[first : first + 6]
+
+
+@pytest.mark.parametrize(
+    ("scheme", "c", "gap"), [(Theta(1e-4), 60.0, 4e-3), (Theta(1e-4), 300.0, 4e-3), (GeneralisedAlpha(1e-4, 0.9), 300.0, 5e-4)]
+)
+def test_a_damped_joint_brakes_what_touches_alone(scheme: Any, c: float, gap: float) -> None:
+    """A ball that comes down on a spring with a dashpot: m x'' = max(-k x - c x', 0) from x = 0 on, no force before, wherever it began."""
+    k, m = 1e5, 1.0
+    ball, plane = rigid_sphere("ball", 0.1, (0, 0, 0.1 + gap), m), rigid_plane("plane", (0, 0, 0), (0, 0, 1))
+    model = build_model([ball, plane], supports=[Support("plane", HELD)])
+    start = at_rest(model)
+    start.v[model.dof_offset[model.number["ball"]] + 2] = -1.0
+    scheme = replace(scheme, law=Compliant(Springs(normal=k, tangential=k, normal_damping=c, each=True)))
+    run = Simulation(model, ExactContacts(model, 0.0), scheme, round((gap + 0.014) / scheme.h), SolverSettings(tol=1e-10), initial=start)
+    height, force, energy = [], [], 0.0
+    for step in run:
+        height.append(gap + of_body(step, "ball", step.state.x)[2])
+        force.append(force_on(step, "ball")[2])
+        energy += step.energy.normal_dissipation
+    first = int(np.argmax(np.array(force) > 0))
+    assert height[first] < 0 < height[first - 2]
+
+    def leaves(t: float, y: Any) -> float:
+        return float(-k * y[0] - c * y[1])
+
+    leaves.terminal, leaves.direction = True, -1  # type: ignore[attr-defined]
+    exact = solve_ivp(lambda t, y: [y[1], (-k * y[0] - c * y[1]) / m], (0, 0.05), [0, -1.0], rtol=1e-9, atol=1e-12, events=leaves)
+    rebound = exact.y[1, -1]
+    assert of_body(step, "ball", step.state.v)[2] == pytest.approx(rebound, rel=1e-3)
+    if isinstance(scheme, Theta):
+        assert energy == pytest.approx(0.5 * m * (1 - rebound**2), rel=1e-3)
+
+
+@pytest.mark.parametrize("scheme", [Theta(4e-3), GeneralisedAlpha(4e-3, 0.8)])
+def test_the_force_of_a_joint_turns_with_its_bodies(scheme: Any) -> None:
+    """A block that is shifted by s on the springs of its four corners, then turned with its table: 4 k s, along with them."""
+    k, s, begin, end = 1e5, 1e-4, 0.04, 0.2
+    block = rigid_box("block", size=(0.2, 0.2, 0.1), centre=(0.0, 0.0, 0.05), mass=2.0)
+
+    def rise(t: float) -> float:
+        return 0.5 - 0.5 * np.cos(np.pi * np.clip(t, 0.0, 1.0))
+
+    def angle(t: float) -> float:
+        return np.pi / 2 * rise((t - begin) / (end - begin))
+
+    def rate(t: float) -> float:
+        return (np.pi / 2) ** 2 / (end - begin) * np.sin(np.pi * np.clip((t - begin) / (end - begin), 0.0, 1.0))
+
+    def shift(t: float) -> float:
+        return s * rise(t / begin)
+
+    supports = [
+        DrivenRotation("table", angle, (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)),
+        Support("block", ("x",), displacement=lambda t: shift(t) * np.cos(angle(t))),
+        Support("block", ("y",), displacement=lambda t: shift(t) * np.sin(angle(t))),
+        Support("block", ("rz",), velocity=rate),
+        Support("block", ("rx", "ry")),
+    ]
+    model = build_model([block, TABLE], supports=supports, gravity=lambda t: (0.0, 0.0, -9.81))
+    scheme = replace(scheme, law=Compliant(Springs(normal=1e7, tangential=k, normal_damping=1e3, each=True)))
+    for step in Simulation(model, Everything(model, mu=50.0), scheme, 52, SolverSettings(tol=1e-10)):
+        turned, force = angle(step.state.t), force_on(step, "block")[:2]
+        if step.state.t > begin + scheme.h:  # the force is that of half a step before
+            expected = -4 * k * s * np.array([np.cos(turned), np.sin(turned)])
+            assert force == pytest.approx(expected, abs=4 * k * s * (1e-2 + scheme.h * rate(step.state.t)))
+            assert np.linalg.norm(force) == pytest.approx(4 * k * s, rel=1e-2)
+    assert force == pytest.approx([0.0, -4 * k * s], abs=4 * k * s * 1e-2)
+    assert "attitude" not in step.law_variables
+
+
+@pytest.mark.parametrize("rate", [0.0, 5.0])
+def test_a_block_on_springs_swings_in_one_plane_on_a_turntable(rate: float) -> None:
+    """As Foucault's pendulum: x'' = -(4 k / m) x in space for a block in the middle of a table that turns it."""
+    k, m, h, v = 500.0, 2.0, 2e-3, 0.05
+    block = rigid_box("block", size=(0.2, 0.2, 0.1), centre=(0.0, 0.0, 0.05), mass=m)
+    turned = DrivenRotation("table", lambda t: rate * t, (0.0, 0.0, 0.0), (0.0, 0.0, 1.0))
+    model = build_model([block, TABLE], supports=[turned], gravity=lambda t: (0.0, 0.0, -9.81))
+    start = at_rest(model)
+    first = model.dof_offset[model.number["block"]]
+    start.v[first : first + 6] = (v, 0.0, 0.0, 0.0, 0.0, rate)
+    law = Compliant(Springs(normal=1e6, tangential=k, normal_damping=500.0, each=True))
+    swing = np.sqrt(4 * k / m)
+    steps = round(1.3 * np.pi / swing / h)
+    *_, step = Simulation(model, Everything(model, mu=50.0), Theta(h, law=law), steps, SolverSettings(tol=1e-10), initial=start)
+    x, speed = (of_body(step, "block", values)[:2] for values in (step.state.x, step.state.v))
+    assert speed == pytest.approx([v * np.cos(swing * step.state.t), 0.0], abs=2e-3 * v)
+    assert x == pytest.approx([v / swing * np.sin(swing * step.state.t), 0.0], abs=2e-3 * v / swing)
