@@ -22,12 +22,13 @@ class Contacts:
 
     point    (nc, d) [m] foot point on the master surface; of a mortar contact the weighted mean of the feet
     frame    (nc, d, d)  rows N, T1[, T2]: orthonormal, right-handed
-    gap      (nc,) [m]   (candidate - foot point) . N = N . sum of weights times nodes, negative = penetration
+    gap      (nc,) [m]   (candidate - foot point) . N = N . sum of weights times nodes, less the bulge; negative = penetration
     mu       (nc,)       Coulomb friction coefficient
     nodes    (nc, k)     global node numbers, -1 = none
     weights  (nc, k)     + shape functions on the slave's nodes, - shape functions on the master's; they sum to zero
     bodies   (nc, 2)     body numbers (slave, master)
     identity (nc,)       the same number for the same (pair, candidate, master body) at every step: what a warm start matches
+    bulge    (nc,) [m]   how far curved surfaces stand out over the facets there, see `fcsim.contact_detection.surfaces.bulges`; None: flat
     """
 
     point: FloatArray
@@ -38,6 +39,7 @@ class Contacts:
     weights: FloatArray
     bodies: IntArray
     identity: IntArray
+    bulge: FloatArray | None = None
 
     __repr__ = brief
 
@@ -62,7 +64,7 @@ class Contacts:
         return np.where(np.abs(total - 1) > 1e-6, weights / np.where(total > 0, total, 1.0), weights)
 
     def along_normals(self, vectors: FloatArray) -> FloatArray:
-        """N . (sum of weights times the nodes' vectors) (nc,) for vectors (n_nodes, d): gaps, or how they change."""
+        """N . (sum of weights times the nodes' vectors) (nc,) for vectors (n_nodes, d): how gaps change, or gaps with the bulge."""
         if self.dimension == 3 and vectors.dtype == np.float64:
             along: FloatArray = along_normals(self.nodes, self.weights, self.frame, vectors)
             return along
@@ -71,7 +73,9 @@ class Contacts:
 
     def take(self, chosen: NDArray[np.bool_] | IntArray) -> Contacts:
         """Return the chosen contacts (a mask (nc,) or numbers)."""
-        return Contacts(*(getattr(self, field.name)[chosen] for field in fields(self)))
+        flat = fields(self)[:-1]
+        bulge = None if self.bulge is None else self.bulge[chosen]
+        return replace(Contacts(*(getattr(self, field.name)[chosen] for field in flat)), bulge=bulge)
 
 
 def join(parts: Sequence[Contacts]) -> Contacts:
@@ -84,4 +88,8 @@ def join(parts: Sequence[Contacts]) -> Contacts:
     parts = [part for part in parts if len(part)] or parts[:1]  # most kinds of contact are there in no step of most scenes
     narrow = any(part.nodes.shape[1] < width for part in parts)
     wide = [replace(part, nodes=padded(part.nodes, -1), weights=padded(part.weights, 0)) for part in parts] if narrow else parts
-    return Contacts(*(np.concatenate([getattr(part, field.name) for part in wide]) for field in fields(Contacts)))
+    if any(part.bulge is not None for part in wide):
+        wide = [replace(part, bulge=np.zeros(len(part)) if part.bulge is None else part.bulge) for part in wide]
+        return Contacts(*(np.concatenate([getattr(part, field.name) for part in wide]) for field in fields(Contacts)))
+    flat = fields(Contacts)[:-1]
+    return Contacts(*(np.concatenate([getattr(part, field.name) for part in wide]) for field in flat))

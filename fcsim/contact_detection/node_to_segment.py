@@ -61,7 +61,8 @@ class NodeToSegment:
     """Contacts of candidate points (nodes, face centres, Gauss points of slave facets) with master facets; see `Detector` for the rules.
 
     What does not depend on positions is computed here once: candidates, facets, which edges lie inside a surface.
-    identities (pairs,): how many different numbers the contacts of each pair can have.
+    identities (pairs,): how many different numbers the contacts of each pair can have; over_facets [m]: what surfaces stand out over their
+    facets at most.
     """
 
     def __init__(self, pairs: Sequence[SurfacePair], edge_tolerance: float, penetration: float) -> None:
@@ -78,6 +79,7 @@ class NodeToSegment:
         self.known = known_facets(self.slaves, self.masters)
         self._node = np.where((self.candidates.nodes >= 0).sum(axis=1) == 1, self.candidates.nodes[:, 0], -1)
         self._n_bodies = 1 + int(self.masters.bodies.max(initial=0))
+        self.over_facets = 0.0
         self.identities = np.array(counts) * self._n_bodies * VALLEY
 
     def at(self, x: FloatArray) -> tuple[Contacts, IntArray]:
@@ -142,6 +144,7 @@ class NodeToSegment:
             size = now.master.size[theirs]
             depth = np.minimum(size, now.size[ours].max(initial=0.0))
             reach = now.master.radius[theirs] + np.maximum(pair.alert, self.penetration * depth) + self.edge_tolerance * depth
+            reach += self.over_facets
             candidate, facet = self._near[number](now.point[ours], now.master.centre[theirs], reach)
             found.append((candidate + ours.start, facet + theirs.start))
         candidate, facet = (np.concatenate(part) for part in zip(*found, strict=True))
@@ -158,7 +161,7 @@ class NodeToSegment:
     def plausible(self, now: Configuration, candidate: IntArray, facet: IntArray) -> tuple[IntArray, IntArray]:
         """Pairs that face each other with the point above or just beside the facet: few are left to project."""
         if now.point.shape[1] == 3:
-            given = now.point, now.outward, now.size, self._alert_of_candidate, tuple(now.master)
+            given = now.point, now.outward, now.size, self._alert_of_candidate + self.over_facets, tuple(now.master)
             found: tuple[IntArray, IntArray]
             found = facing_above(candidate, facet, *given, OPPOSING, self.edge_tolerance, self.penetration)
             return found
@@ -169,7 +172,7 @@ class NodeToSegment:
         height = np.einsum("nd,nd->n", arm, normal)
         aside = np.sqrt(np.maximum(np.einsum("nd,nd->n", arm, arm) - height**2, 0.0))
         warp = np.abs(np.einsum("nd,nd->n", now.master.corners[facet, 0] - now.master.centre[facet], normal))
-        alert, slack = self._alert(candidate), self.edge_tolerance * size
+        alert, slack = self._alert(candidate) + self.over_facets, self.edge_tolerance * size
         keep = height <= alert + warp + slack
         keep &= height >= -self.penetration * size - warp - slack
         keep &= aside <= now.master.radius[facet] + alert + np.maximum(-height, 0.0) + 2 * slack

@@ -3,10 +3,11 @@
 With the unit mean n_l of the normals of the facets around each master node, the foot of a candidate p on a facet of corners x_l is at the
 shape functions psi_l and the distance g that solve
 
-    sum_l psi_l (x_l + g n_l) = p,    N = sum_l psi_l n_l / |.|,    gap = (p - sum_l psi_l x_l) . N
+    sum_l psi_l (x_l + g n_l) = p,    N = sum_l psi_l n_l / |.|,    gap = (p - sum_l psi_l x_l) . N - b
 
+with b how far the surfaces bulge over their facets there (`bulges`), so that N is the gradient of the gap on circles.
 Normal and gap are continuous where a candidate passes from facet to facet, and on a mesh of size h of a smooth surface N is off its normal
-by O(h^2), where facet normals jump by O(h). Positions stay those of the facets. All edges of a surface are smoothed, sharp ones too:
+by O(h^2), where facet normals jump by O(h). Weights stay those of the facets. All edges of a surface are smoothed, sharp ones too:
 see `split_at_sharp_edges`.
 
 Source: V. Padmanabhan and T. A. Laursen, A framework for development of surface smoothing procedures in large deformation frictional
@@ -15,14 +16,18 @@ contact analysis, Finite Elements in Analysis and Design 37, 2001 (averaged norm
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
 from fcsim.arrays import FloatArray, IntArray
+from fcsim.contact_detection.contacts import Contacts
 from fcsim.contact_detection.node_to_segment import ROUND, Configuration, Feet, NodeToSegment
-from fcsim.contact_detection.surfaces.surface import OPPOSING
+from fcsim.contact_detection.surfaces.bulges import heights, highest
+from fcsim.contact_detection.surfaces.surface import OPPOSING, SurfacePair
 
 Shape = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
 
@@ -106,6 +111,11 @@ def project_along_normals(points: FloatArray, corners: FloatArray, normals: Floa
 class SmoothedNodeToSegment(NodeToSegment):
     """Contacts of candidate points with master facets along smoothed normals; edges inside a surface need no rules of their own."""
 
+    def __init__(self, pairs: Sequence[SurfacePair], edge_tolerance: float, penetration: float) -> None:
+        super().__init__(pairs, edge_tolerance, penetration)
+        bulges = [facets.bulge for facets in (self.slaves, self.masters) if facets.bulge is not None]
+        self.over_facets = sum(float(highest(bulge).max(initial=0.0)) for bulge in bulges)
+
     def _once_per_body(self, now: Configuration, candidate: IntArray, facet: IntArray) -> Feet:
         """The foot of each candidate on each master body, sorted by (candidate, body): inside a facet before moved onto its edge."""
         nodal = self.topology.averaging @ now.master.normal
@@ -118,8 +128,41 @@ class SmoothedNodeToSegment(NodeToSegment):
             found = project_along_normals(points[those], corners[those, :k], normals[those, :k])
             weights[those, :k], normal[those], outside[those] = found
         feet = self.at_weights(now, candidate, facet, weights, normal)
+        bulge = self._bulge(feet)
+        if bulge is not None:
+            feet = feet._replace(gap=feet.gap - bulge)
         keep = outside <= (self.edge_tolerance + ROUND) * feet.scale
         keep &= np.einsum("nd,nd->n", now.outward[candidate], normal) < OPPOSING
         keep &= (feet.gap <= self._alert(candidate)) & (feet.gap >= -self.penetration * feet.scale)
         feet, outside = feet.take(keep), outside[keep]
         return feet.take(self._nearest_by_body(now, feet, outside > ROUND * feet.scale))
+
+    @cached_property
+    def _bulge_of_candidate(self) -> FloatArray | None:
+        """How far (nc,) [m] the slave's surface bulges over its facets at the candidates, None where it is flat; nodes are on it."""
+        if self.slaves.bulge is None:
+            return None
+        on_facet = self._node < 0
+        facet = np.where(on_facet, self.candidates.averaging.indices[self.candidates.averaging.indptr[:-1]], 0)
+        return np.where(on_facet, heights(self.slaves.bulge, facet, self.candidates.weights), 0.0)
+
+    def _bulge(self, feet: Feet) -> FloatArray | None:
+        """How far (n,) [m] both surfaces stand out over their facets; None where they are flat."""
+        slave, master = self._bulge_of_candidate, self.masters.bulge
+        if slave is None and master is None:
+            return None
+        own = np.zeros(len(feet.candidate)) if slave is None else slave[feet.candidate]
+        return own if master is None else own + heights(master, feet.facet, feet.weights)
+
+    def _truly(self, now: Configuration, feet: Feet) -> Feet:
+        """As for facets, whose sides are asked for: by the gaps to these."""
+        bulge = self._bulge(feet)
+        if bulge is None:
+            return super()._truly(now, feet)
+        kept = super()._truly(now, feet._replace(gap=feet.gap + bulge))
+        over = self._bulge(kept)
+        assert over is not None
+        return kept._replace(gap=kept.gap - over)
+
+    def _contacts(self, feet: Feet) -> Contacts:
+        return replace(super()._contacts(feet), bulge=self._bulge(feet))

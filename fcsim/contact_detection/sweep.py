@@ -89,6 +89,7 @@ def brought_back(contacts: Contacts, positions: FloatArray) -> Contacts:
     weights = np.where(contacts.nodes < 0, 0.0, contacts.weights)
     x = positions[contacts.nodes]
     gap = np.einsum("ad,ad->a", np.einsum("ak,akd->ad", weights, x), contacts.frame[:, 0])
+    gap = gap if contacts.bulge is None else gap - contacts.bulge
     return replace(contacts, gap=gap, point=np.einsum("ak,akd->ad", contacts.on_master, x))
 
 

@@ -58,8 +58,15 @@ class State:
         self._kept.clear()
 
 
-def at_rest(model: Model, t: float = 0.0, h: float = 1e-3) -> State:
-    """The reference configuration; driven dofs have the velocity prescribed at t, all others none. h [s]: the step, see `DrivenRotation`.
+SPANS = (1e-3, 1e-6, 1e-9, 1e-12)
+"""[s] Steps whose rates of driven displacements and angles are tried, the longest first, where no step is told."""
+AGREE = 1e-3
+"""Of the fastest driven dof: rates by one step and by the next shorter one that differ by less are the motion's."""
+
+
+def at_rest(model: Model, t: float = 0.0, h: float | None = None) -> State:
+    """The reference configuration; driven dofs have the velocity prescribed at t, all others none. h [s]: the step, see `DrivenRotation`;
+    None: of `SPANS` the longest that tells what the next one does, so that motions of a microsecond have their own rates.
 
     InputError where a driven rotation has another angle at t than that of the reference configuration, 0, or a support another
     displacement.
@@ -77,7 +84,18 @@ def at_rest(model: Model, t: float = 0.0, h: float = 1e-3) -> State:
                 f"driven rotation of body {turn.source.body!r}: expected the angle 0 in the reference configuration, got {angle:.6g} rad "
                 f"at t = {t:g} s"
             )
-    return State(t, np.zeros(model.n_dofs), model.of_driven(model.driven_velocity(t, h)))
+    return State(t, np.zeros(model.n_dofs), model.of_driven(_driven_velocity(model, t) if h is None else model.driven_velocity(t, h)))
+
+
+def _driven_velocity(model: Model, t: float) -> FloatArray:
+    """Velocities (n_driven,) that supports prescribe, by the longest of `SPANS` that agrees with the next."""
+    longer = model.driven_velocity(t, SPANS[0])
+    for h in SPANS[1:]:
+        v = model.driven_velocity(t, h)
+        if np.abs(v - longer).max(initial=0.0) <= AGREE * np.abs(v).max(initial=0.0):
+            break
+        longer = v
+    return longer
 
 
 def refuse_misplaced(model: Model, state: State) -> None:

@@ -67,11 +67,13 @@ RULES = [("nodes", "facet"), ("nodes", "smooth"), ("mortar", "facet")]
 
 @pytest.mark.parametrize(("rule", "normals"), RULES)
 def test_reaction_varies_by_the_sagitta(rule: str, normals: str) -> None:
-    """The force of a plane contact is about proportional to the approach, of which the sagitta is a part; finer facets, less of it."""
+    """The force of a plane contact is about proportional to the approach, of which the sagitta is a part with facets' own normals; finer
+    facets, less of it. Surfaces that bulge over their facets leave a fiftieth of that."""
     for n in (20, 40):
         force = turn(n, rule, normals).force[:, 1]
         assert force.min() > 0
-        assert np.ptp(force) / force.mean() < 1.5 * (1 - np.cos(ARC / n / 2)) / PRESSED
+        curved = (rule, normals) != ("nodes", "facet")
+        assert np.ptp(force) / force.mean() < (0.1 if curved else 1.5) * (1 - np.cos(ARC / n / 2)) / PRESSED
 
 
 def changes(values: np.ndarray, history: History) -> float:
@@ -105,11 +107,11 @@ def test_smoothed_normals_have_no_moment_and_no_jumps() -> None:
 
 
 def test_mortar_has_no_jumps_and_little_moment() -> None:
-    """The block's normals are vertical and the forces stand over the middle of the contact: the moment falls faster than b^2; both are
-    continuous."""
+    """The block's normals are vertical and the forces stand over the middle of the contact, which is that of the arc and not of its chords:
+    the moment is a fiftieth of (b/2)^2; both are continuous."""
     coarse, fine = turn(20, "mortar"), turn(40, "mortar")
-    assert np.abs(coarse.moment / coarse.normal).max() < 5 * (ARC / 20 / 2) ** 2
-    assert np.abs(fine.moment / fine.normal).max() < np.abs(coarse.moment / coarse.normal).max() / 4
+    for n, history in ((20, coarse), (40, fine)):
+        assert np.abs(history.moment / history.normal).max() < max((ARC / n / 2) ** 2 / 20, 1e-4)
     quarter = turn(20, "mortar", steps=120)
     assert changes(quarter.force, quarter) < 0.45 * changes(coarse.force, coarse)
     assert changes(quarter.moment, quarter) < 0.45 * changes(coarse.moment, coarse)

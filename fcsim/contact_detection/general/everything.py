@@ -20,12 +20,13 @@ from fcsim.contact_detection.general.folding import deformation, folding_bodies,
 from fcsim.contact_detection.general.near import Lengths, NearBodies, near_bodies
 from fcsim.contact_detection.general.overlap.convex import shallow_edges, shallow_vertices
 from fcsim.contact_detection.general.overlap.overlaps import overlap_contacts
-from fcsim.contact_detection.general.smoothing import smoothed
+from fcsim.contact_detection.general.smoothing import bulge_of, bulges_of_skin, smoothed
 from fcsim.contact_detection.general.vertices import VertexContacts, vertex_contacts
 from fcsim.contact_detection.skin.boundary import boundary_of
 from fcsim.contact_detection.skin.closed_skin import closed_skin
 from fcsim.contact_detection.skin.shape import shape_of
 from fcsim.contact_detection.skin.skin import Shape, Skin
+from fcsim.contact_detection.surfaces.bulges import highest
 from fcsim.contact_detection.sweep import samples, with_swept
 from fcsim.errors import InputError
 from fcsim.mesh.part import Body
@@ -47,7 +48,7 @@ class Everything:
     exclude   pairs of names that do not touch each other; ("a", "a"): "a" does not touch itself
 
     curved    names of bodies whose facets stand for a curved surface: normals are interpolated between those that meet at less than 45
-              degrees, see `smoothing`; on deformable bodies that are not named, at less than 20 degrees
+              degrees, see `smoothing`; on deformable bodies that are not named, at less than 23 degrees
     smooth    False: bodies that `curved` does not name keep their facets' own normals, deformable ones too, whose sliding along a facet
               does no work then
 
@@ -72,8 +73,9 @@ class Everything:
     excluded: IntArray = field(init=False, repr=False)
     folding: IntArray = field(init=False, repr=False)
     _reference: Shape = field(init=False, repr=False)
-    _curved: BoolArray = field(init=False, repr=False)
-    _patch: IntArray = field(init=False, repr=False)
+    smoothed_bodies: BoolArray = field(init=False, repr=False)
+    patches: IntArray = field(init=False, repr=False)
+    bulge: FloatArray | None = field(init=False, repr=False)
     _latest: list[tuple[FloatArray, tuple[Contacts, IntArray]]] = field(init=False, repr=False, default_factory=list)
 
     __repr__ = brief
@@ -95,21 +97,27 @@ class Everything:
         driven = np.bincount(np.searchsorted(model.dof_offset, model.driven_dofs, side="right") - 1, minlength=len(names))
         values = {
             "skin": skin,
-            "lengths": _lengths(skin, reference, len(model.deformable), self.alert),
             "friction": FrictionTable(self.mu, names),
             "together": moved_together(model, model.held, model.supports),
             "excluded": excluded,
             "folding": folding[(driven < np.diff(model.dof_offset))[folding] & ~np.isin(folding * (len(names) + 1), excluded)],
             "_reference": reference,
-            "_curved": named | np.array([self.smooth and isinstance(body, Body) for body in model.bodies]),
-            "_patch": np.where(named[skin.facet_body], skin.side, skin.patch),
+            "smoothed_bodies": named | np.array([self.smooth and isinstance(body, Body) for body in model.bodies]),
+            "patches": np.where(named[skin.facet_body], skin.side, skin.patch),
         }
+        values["bulge"] = bulge = bulges_of_skin(skin, reference, values["smoothed_bodies"], values["patches"])
+        values["lengths"] = _lengths(skin, reference, len(model.deformable), self.alert, bulge)
         for name, value in values.items():
             object.__setattr__(self, name, value)
 
     @property
     def n_nodes(self) -> int:
         return self.model.n_nodes
+
+    @property
+    def reference_normals(self) -> FloatArray:
+        """Unit normals (nf, 3) of the skin's facets in the reference configuration."""
+        return self._reference.normal
 
     @property
     def dimension(self) -> int:
@@ -157,7 +165,8 @@ class Everything:
         if unseen is not None:
             unseen = shallow_vertices(self.skin, shape, among, unseen)
             vertices = VertexContacts._make(np.concatenate(both) for both in zip(vertices, unseen, strict=True))
-        return self._contacts(x, smoothed(self.skin, shape, vertices, self._curved, self._patch), edges), beyond
+        vertices = smoothed(self.skin, shape, vertices, self.smoothed_bodies, self.patches)
+        return self._contacts(x, vertices, edges, bulge_of(self.skin, shape, self.bulge, vertices, edges)), beyond
 
     def _may_touch(self, near: NearBodies) -> NearBodies:
         a, b = near.bodies.T
@@ -193,7 +202,7 @@ class Everything:
         fast = near._replace(alert=np.maximum(near.alert, distance / max(count, 1)))
         return fast, count, float(near.alert.max()), near.alert
 
-    def _contacts(self, x: FloatArray, vertices: VertexContacts, edges: EdgeContacts) -> Contacts:
+    def _contacts(self, x: FloatArray, vertices: VertexContacts, edges: EdgeContacts, bulge: FloatArray | None) -> Contacts:
         """Contacts of both kinds, sorted by identity: (vertex, smooth side of the other body), then (edge, edge)."""
         skin, d = self.skin, self.dimension
         corners = skin.facets[vertices.facet]
@@ -222,7 +231,8 @@ class Everything:
         normal = np.concatenate([vertices.normal, edges.normal])[:, :d]
         foot = -np.einsum("ak,akd->ad", np.minimum(weights, 0.0), x[node])
         gap = np.concatenate([vertices.gap, edges.gap])
-        contacts = Contacts(foot, frames(normal), gap, self.friction(bodies), node, weights, bodies, identity)
+        gap = gap if bulge is None else gap - bulge
+        contacts = Contacts(foot, frames(normal), gap, self.friction(bodies), node, weights, bodies, identity, bulge)
         return contacts.take(np.unique(identity, return_index=True)[1])
 
     def _checked(self, what: str, values: FloatArray) -> FloatArray:
@@ -234,7 +244,7 @@ class Everything:
         return x
 
 
-def _lengths(skin: Skin, shape: Shape, deformable: int, alert: float | None) -> Lengths:
+def _lengths(skin: Skin, shape: Shape, deformable: int, alert: float | None, bulge: FloatArray | None) -> Lengths:
     """Lengths of the bodies, of which the first so many are deformable, in the reference configuration."""
     extent = (shape.body_high - shape.body_low)[:, : skin.dimension]
     diagonal = np.sqrt(np.einsum("bd,bd->b", extent, extent) / skin.dimension)
@@ -242,4 +252,6 @@ def _lengths(skin: Skin, shape: Shape, deformable: int, alert: float | None) -> 
     largest, typical = (np.array([f(size) for size in sizes]) for f in (np.max, np.median))
     share = np.where(np.arange(len(sizes)) < deformable, _DEFORMS, _ROUND)
     alerts = _ALERT * diagonal if alert is None else np.full(len(sizes), alert)
-    return Lengths(alerts, 0.5 * largest, share * typical, _DEFORMS * typical, diagonal)
+    outside = np.zeros(len(skin.facets)) if bulge is None else highest(bulge)
+    over_facets = np.maximum.reduceat(outside, skin.first_facet[:-1])
+    return Lengths(alerts, 0.5 * largest, share * typical, _DEFORMS * typical, diagonal, over_facets)

@@ -39,25 +39,27 @@ class NearBodies(NamedTuple):
 
 class Lengths(NamedTuple):
     """Lengths [m] of each body (nb,): `alert`; `depth`, half its largest facet; `near`, below which its places are one; `finest`, the
-    largest that another body may make of that; `extent`, its box's diagonal / sqrt(d)."""
+    largest that another body may make of that; `extent`, its box's diagonal / sqrt(d); `bulge`, how far its surface is over facets."""
 
     alert: FloatArray
     depth: FloatArray
     near: FloatArray
     finest: FloatArray
     extent: FloatArray
+    bulge: FloatArray
 
 
 def near_bodies(low: FloatArray, high: FloatArray, lengths: Lengths) -> NearBodies:
     """Pairs of bodies, sorted, whose boxes low, high (nb, 3) [m] come within the alert distance of each other."""
-    reach = 0.5 * lengths.alert
+    reach = 0.5 * lengths.alert + lengths.bulge
     axis = int(np.argmax(np.ptp(0.5 * (low + high), axis=0)))
     order = np.argsort(low[:, axis] - reach, kind="stable")
     pairs = kernels.body_pairs(low, high, reach, order, axis)
     pairs = pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))]
     first, second = (Lengths._make(length[k] for length in lengths) for k in pairs.T)
     near = np.minimum(np.maximum(first.near, second.near), np.minimum(first.finest, second.finest))
-    return NearBodies(pairs, np.minimum(first.alert, second.alert), np.minimum(first.depth, second.depth), near)
+    alert = np.minimum(first.alert, second.alert) + (first.bulge + second.bulge)
+    return NearBodies(pairs, alert, np.minimum(first.depth, second.depth), near)
 
 
 def near_facets(skin: Skin, shape: Shape, near: NearBodies) -> IntArray:

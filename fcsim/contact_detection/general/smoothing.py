@@ -3,20 +3,23 @@
 With facet normals what slides over a curved surface of facets is thrown about: at each edge the normal jumps by the angle between the
 facets, however small the steps are. Interpolated over the foot's weights, N = sum_k w_k n_k / |.|, it is continuous and off the surface's
 normal by O(h^2) instead of O(h). The foot stays that of the facet, and the gap is (vertex - foot) . N: zero where the vertex lies on the
-facet. On flat faces nothing changes.
+facet. On flat faces nothing changes. From that gap is taken how far the surface bulges over its facets there (`bulges`), so that bodies
+which fit each other with other facets each have no gaps between them, and N is the gradient of the gap on circles.
 
 Facets belong to one curved patch where they meet at less than `ROUND`, of bodies named as curved at less than `SMOOTH`; over sharper edges
-nothing is smoothed. What truly rolls takes exact shapes (`fcsim.contact_detection.exact`): the facets' positions stay as they are.
+nothing is smoothed. What truly rolls takes exact shapes (`fcsim.contact_detection.exact`): vertices stay where they are.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from fcsim.arrays import BoolArray, IntArray
+from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.contact_detection.general._smoothing_kernels import interpolated_normals
+from fcsim.contact_detection.general.edges import EdgeContacts
 from fcsim.contact_detection.general.vertices import VertexContacts
 from fcsim.contact_detection.skin.skin import Shape, Skin
+from fcsim.contact_detection.surfaces.bulges import bulges, heights
 
 
 def smoothed(skin: Skin, shape: Shape, found: VertexContacts, curved: BoolArray, patch: IntArray) -> VertexContacts:
@@ -35,3 +38,30 @@ def smoothed(skin: Skin, shape: Shape, found: VertexContacts, curved: BoolArray,
     along[changed] = normal[changed]
     gap[changed] = np.einsum("cd,cd->c", arm, normal[changed])
     return found._replace(normal=along, gap=gap)
+
+
+def bulges_of_skin(skin: Skin, reference: Shape, curved: BoolArray, patch: IntArray) -> FloatArray | None:
+    """`bulges` (nf, 4, 4) [m] of the bodies (nb,) that are curved, by their patches (nf,); None where all is flat."""
+    own = np.flatnonzero(curved[skin.facet_body])
+    width, d = (2, 2) if skin.dimension == 2 else (4, 3)
+    shape = reference.point[:, :d], reference.normal[own, :d], reference.size[own]
+    found = bulges(skin.facets[own, :width], skin.sides[own], *shape, patch[own])
+    if found is None:
+        return None
+    every = np.zeros((len(skin.facets), 4, 4))
+    every[own, :width, :width] = found
+    return every
+
+
+def bulge_of(skin: Skin, shape: Shape, bulge: FloatArray | None, vertices: VertexContacts, edges: EdgeContacts) -> FloatArray | None:
+    """How far (nc,) [m] along the contacts' normals surfaces are over their facets at vertices on facets, then at edges; None: flat."""
+    if bulge is None:
+        return None
+    at_vertices, at_edges = heights(bulge, vertices.facet, vertices.weights), np.zeros(len(edges.gap))
+    at_vertices *= np.einsum("cd,cd->c", vertices.normal, shape.normal[vertices.facet])
+    for k in range(2):
+        ends, s = skin.edges[edges.edges[:, k]], edges.place[:, k]
+        for facet in skin.edge_facets[edges.edges[:, k]].T:
+            on_edge = [(skin.facets[facet] == ends[:, j, None]) & skin.real[facet] for j in range(2)]
+            at_edges += heights(bulge, facet, np.where(on_edge[0], 1.0 - s[:, None], np.where(on_edge[1], s[:, None], 0.0))) / 2
+    return np.concatenate([at_vertices, at_edges])

@@ -41,6 +41,7 @@ from fcsim.contact_detection.frames import frames
 from fcsim.contact_detection.integral._overlap_kernels import mortar_sums
 from fcsim.contact_detection.integral.segment_to_segment import SIX_POINTS, Configuration, Segments, SegmentToSegment
 from fcsim.contact_detection.surfaces import facets as contact_facets
+from fcsim.contact_detection.surfaces.facets import Facets
 from fcsim.contact_detection.surfaces.surface import SurfacePair
 
 
@@ -97,7 +98,10 @@ class Mortar(SegmentToSegment):
             point = -(on_master @ now.x)
         else:  # shape functions of second order have both signs
             point = (_rows(of_contact, others, nodes[1], shape) @ now.x) / size[kept][:, None]
-        gap = np.einsum("nd,nd->n", weights @ now.x, normal)
+        gap, bulge = np.einsum("nd,nd->n", weights @ now.x, normal), self._mean_bulge(found, row, -now.slave.normal[slave], size)
+        if bulge is not None:
+            bulge = np.einsum("nd,nd->n", bulge[kept], normal)
+            gap = gap - bulge
         near = gap <= self.alert[self.pair_of_multiplier[multiplier[kept]]]
         multiplier, body = multiplier[kept][near], body[kept][near]
         touched, padded = _padded(weights if near.all() else weights[near])
@@ -111,8 +115,25 @@ class Mortar(SegmentToSegment):
             weights=padded,
             bodies=np.stack([self.body_of_multiplier[multiplier], body], axis=1),
             identity=(multiplier - self.first[pair]) * self.n_bodies + body,
+            bulge=None if bulge is None else bulge[near],
         )
         return contacts, pair
+
+    def _bulge(self, facets: Facets) -> FloatArray | None:
+        """None of facets of second order, whose own shape functions measure the gap."""
+        if facets.bulge is None or facets.parents is None:
+            return facets.bulge
+        return np.where((facets.parents.kind == 0)[:, None, None], facets.bulge, 0.0)
+
+    def _mean_bulge(self, found: Segments, row: IntArray, normal: FloatArray, size: FloatArray) -> FloatArray | None:
+        """- int chi_j b n / a_j of each multiplier j that the rows (np, j) name, - n (np, d) the `normal`; None where all is flat."""
+        b = self.bulge(found)
+        if b is None:
+            return None
+        at_points = found.weight[:, None] * self._functions(found) * b[:, None]
+        shares = np.broadcast_to(row[found.row], at_points.shape)
+        along = [_sum_by(shares, at_points * n[:, None], len(size)) for n in normal[found.row].T]
+        return np.stack(along, axis=1) / np.where(size > 0, size, 1.0)[:, None]
 
     def _full_size(self, now: Configuration) -> FloatArray:
         """About int chi_j over the whole slave surface: an equal share of each facet for each of its multipliers."""

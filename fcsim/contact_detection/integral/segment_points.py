@@ -18,6 +18,7 @@ Source: K. A. Fischer and P. Wriggers 2005; G. Zavarise and P. Wriggers, A segme
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -49,6 +50,9 @@ class SegmentPoints(SegmentToSegment):
     def contacts(self, now: Configuration, slave: IntArray, master: IntArray) -> tuple[Contacts, IntArray]:
         """Contacts among the possible pairs of facets, and their surface pairs."""
         found = self.segments(now, slave, master)
+        b = self.bulge(found)
+        if b is not None:
+            found = found._replace(gap=found.gap - b)
         smaller = np.minimum(now.slave.size[found.slave], now.master.size[found.master])
         wide = found.area > self.least_share * self.area(smaller)
         keep = wide[found.row] & (found.gap <= self.alert[self.pair_of_slave[found.slave]][found.row])
@@ -67,7 +71,9 @@ class SegmentPoints(SegmentToSegment):
             bodies=np.stack([self.slaves.bodies[slave], self.masters.bodies[master]], axis=1),
             identity=local * self.points_a_segment + found.number[keep],
         )
-        return contacts, pair
+        if b is None:
+            return contacts, pair
+        return replace(contacts, bulge=contacts.along_normals(now.x) - contacts.gap), pair
 
 
 def _nodes(facets: Facets) -> IntArray:

@@ -23,7 +23,8 @@ from fcsim.contact_detection.frames import frames
 from fcsim.contact_detection.integral._overlap_kernels import gauss_points, overlap_polygons
 from fcsim.contact_detection.surfaces import facets as contact_facets
 from fcsim.contact_detection.surfaces.broad_phase import near_facets
-from fcsim.contact_detection.surfaces.facets import FacetGeometry
+from fcsim.contact_detection.surfaces.bulges import heights
+from fcsim.contact_detection.surfaces.facets import FacetGeometry, Facets
 from fcsim.contact_detection.surfaces.surface import OPPOSING, SurfacePair
 
 _SLIVER = 1e-12  # overlaps of a smaller part of the slave segment are round-off
@@ -82,6 +83,7 @@ class SegmentToSegment(ABC):
         self.masters = contact_facets.join([pair.master for pair in pairs], sort=True)
         self.slave_sides, self.master_sides = ((f.nodes >= 0).sum(axis=1) for f in (self.slaves, self.masters))
         self.pair_of_slave = np.repeat(np.arange(len(pairs)), np.diff(self.slaves.offsets))
+        self.slave_bulge, self.master_bulge = (self._bulge(facets) for facets in (self.slaves, self.masters))
         self.alert, self.mu = np.array([pair.alert for pair in pairs]), np.array([pair.mu for pair in pairs])
 
     def at(self, x: FloatArray) -> tuple[Contacts, IntArray]:
@@ -92,6 +94,19 @@ class SegmentToSegment(ABC):
     @abstractmethod
     def contacts(self, now: Configuration, slave: IntArray, master: IntArray) -> tuple[Contacts, IntArray]:
         """Contacts among the possible pairs of facets, and their surface pairs."""
+
+    def _bulge(self, facets: Facets) -> FloatArray | None:
+        """How far the surface bulges over the facets that gaps are measured to."""
+        return facets.bulge
+
+    def bulge(self, found: Segments) -> FloatArray | None:
+        """How far (nq,) [m] both surfaces stand out over the facets at the Gauss points; None where all is flat."""
+        both = [
+            heights(bulge, facet[found.row], shape)
+            for bulge, facet, shape in ((self.slave_bulge, found.slave, found.phi), (self.master_bulge, found.master, found.psi))
+            if bulge is not None
+        ]
+        return np.sum(both, axis=0) if both else None
 
     def configuration(self, x: FloatArray) -> Configuration:
         """The facets at positions x (n_nodes, d) [m]."""

@@ -16,8 +16,9 @@ FLAT = np.cos(np.deg2rad(0.05))
 SMOOTH = np.cos(np.deg2rad(45.0))
 """Faces that meet at less than 45 degrees stand for a curved surface: a vertex rolls over the edge between them."""
 
-ROUND = np.cos(np.deg2rad(20.0))
-"""Faces that meet at less than 20 degrees may have normals interpolated between them, see `smoothing`: few real edges are so blunt."""
+ROUND = np.cos(np.deg2rad(23.0))
+"""Faces that meet at less than 23 degrees, as 16 around a circle do, may have normals interpolated between them, see `smoothing`: few real
+edges are so blunt."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -25,6 +25,7 @@ class Facets(NamedTuple):
     bodies  (nf,)
     offsets (surfaces + 1,) facets of surface s are offsets[s] ... offsets[s + 1] - 1
     parents of second order, None where there are none
+    bulge   (nf, k, k) [m], see `bulges`; None where no facet has one
     """
 
     nodes: IntArray
@@ -32,6 +33,7 @@ class Facets(NamedTuple):
     bodies: IntArray
     offsets: IntArray
     parents: Parents | None = None
+    bulge: FloatArray | None = None
 
     @property
     def width(self) -> int:
@@ -82,15 +84,25 @@ def join(surfaces: Sequence[ContactSurface], *, sort: bool = False) -> Facets:
     bodies = [s.bodies for s in surfaces]
     second = any(s.parents is not None for s in surfaces)
     parents = [s.parents or of_first_order(n) for s, n in zip(surfaces, nodes, strict=True)] if second else []
+    bulge = [_bulge(s, width) for s in surfaces] if any(s.bulge is not None for s in surfaces) else []
     if sort:
         orders = [np.lexsort(np.sort(n, axis=1).T[::-1]) for n in nodes]
         nodes = [n[order] for n, order in zip(nodes, orders, strict=True)]
         bodies = [b[order] for b, order in zip(bodies, orders, strict=True)]
         parents = [p.take(order) for p, order in zip(parents, orders, strict=False)]
+        bulge = [b[order] for b, order in zip(bulge, orders, strict=False)]
     joined = np.concatenate(nodes)
     offsets = np.cumsum([0] + [len(n) for n in nodes])
     closed = np.where(joined < 0, joined[:, :1], joined)
-    return Facets(joined, closed, np.concatenate(bodies), offsets, join_parents(parents) if second else None)
+    of_second = join_parents(parents) if second else None
+    return Facets(joined, closed, np.concatenate(bodies), offsets, of_second, np.concatenate(bulge) if bulge else None)
+
+
+def _bulge(surface: ContactSurface, width: int) -> FloatArray:
+    """(nf, width, width), 0 where there is none."""
+    count, own = surface.facets.shape
+    given = np.zeros((count, own, own)) if surface.bulge is None else surface.bulge
+    return np.pad(given, ((0, 0), (0, width - own), (0, width - own)))
 
 
 def averaging_at_nodes(nodes: IntArray) -> tuple[IntArray, IntArray, csr_array]:

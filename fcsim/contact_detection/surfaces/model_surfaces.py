@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 
 import numpy as np
 
-from fcsim.arrays import IntArray
+from fcsim.arrays import FloatArray, IntArray
 from fcsim.assembly.model import Model
 from fcsim.brief import shown
+from fcsim.contact_detection.skin.skin import ROUND
+from fcsim.contact_detection.surfaces import facets as contact_facets
 from fcsim.contact_detection.surfaces import parents
+from fcsim.contact_detection.surfaces.bulges import bulges
+from fcsim.contact_detection.surfaces.sharp_edges import smooth_patches
 from fcsim.contact_detection.surfaces.surface import ContactSurface
 from fcsim.errors import InputError
 from fcsim.mesh.cell_type import CELL_TYPES
@@ -18,7 +23,8 @@ from fcsim.mesh.part import Body
 
 def contact_surface(model: Model, members: Iterable[tuple[str, str]]) -> ContactSurface:
     """Return the union of named surfaces, members (body name, surface name), as one contact surface of the model. Facets of second order
-    are cut at their nodes into linear ones, which know their `Parents`.
+    are cut at their nodes into linear ones, which know their `Parents`; facets that meet at less than 23 degrees in the reference
+    configuration stand for a curved surface, and know how far it bulges over them.
 
     InputError: an unknown body or surface, what is no pair of names, or no member at all.
     """
@@ -32,7 +38,17 @@ def contact_surface(model: Model, members: Iterable[tuple[str, str]]) -> Contact
     width = max(f.shape[1] for f in facets)
     padded = [np.pad(f, ((0, 0), (0, width - f.shape[1])), constant_values=-1) for f in facets]
     bodies = np.repeat([model.number[body] for body, _ in members], [len(f) for f in facets])
-    return ContactSurface(np.concatenate(padded), bodies, _parents(model, members, facets))
+    plain = ContactSurface(np.concatenate(padded), bodies, _parents(model, members, facets))
+    return replace(plain, bulge=bulges_of_surface(model, plain))
+
+
+def bulges_of_surface(model: Model, surface: ContactSurface, angle: float = float(np.arccos(ROUND))) -> FloatArray | None:
+    """How far a surface whose facets meet at less than `angle` [rad] bulges over them in the reference configuration, see `bulges`."""
+    if not len(surface.facets):
+        return None
+    joined = contact_facets.join([surface])
+    patch, shape = smooth_patches(joined, model.reference, angle)
+    return bulges(joined.closed, (joined.nodes >= 0).sum(axis=1), model.reference, shape.normal, shape.size, patch)
 
 
 def _parents(model: Model, members: list[tuple[str, str]], facets: list[IntArray]) -> parents.Parents | None:

@@ -8,6 +8,7 @@ from scipy.sparse.csgraph import connected_components
 
 from fcsim.arrays import FloatArray, IntArray
 from fcsim.contact_detection.surfaces import facets as contact_facets
+from fcsim.contact_detection.surfaces.facets import FacetGeometry, Facets
 from fcsim.contact_detection.surfaces.surface import ContactSurface
 from fcsim.errors import InputError
 
@@ -29,17 +30,23 @@ def split_at_sharp_edges(surface: ContactSurface, positions: FloatArray, angle: 
     if not len(surface.facets):
         return [surface]
     facets = contact_facets.join([surface])
-    first, second = _neighbours(facets)
-    normal = contact_facets.geometry(facets, np.asarray(positions, dtype=np.float64)).normal
-    smooth = np.einsum("nd,nd->n", normal[first], normal[second]) >= np.cos(angle)
-    count = len(facets.nodes)
-    graph = csr_array((np.ones(smooth.sum()), (first[smooth], second[smooth])), shape=(count, count))
-    n_patches, patch = connected_components(graph, directed=False)
-    colour = _colours(facets, patch, n_patches)[patch]
+    patch, _ = smooth_patches(facets, np.asarray(positions, dtype=np.float64), angle)
+    colour = _colours(facets, patch, int(patch.max()) + 1)[patch]
     return [surface.take(colour == c) for c in range(colour.max() + 1)]
 
 
-def _neighbours(facets: contact_facets.Facets) -> tuple[IntArray, IntArray]:
+def smooth_patches(facets: Facets, positions: FloatArray, angle: float) -> tuple[IntArray, FacetGeometry]:
+    """Numbers (nf,) of the parts of a surface that edges of less than `angle` [rad] (2D: nodes) connect, at positions (n_nodes, d) [m]; and
+    the facets there."""
+    first, second = _neighbours(facets)
+    shape = contact_facets.geometry(facets, positions)
+    smooth = np.einsum("nd,nd->n", shape.normal[first], shape.normal[second]) >= np.cos(angle)
+    count = len(facets.nodes)
+    graph = csr_array((np.ones(smooth.sum()), (first[smooth], second[smooth])), shape=(count, count))
+    return connected_components(graph, directed=False)[1].astype(np.int64), shape
+
+
+def _neighbours(facets: Facets) -> tuple[IntArray, IntArray]:
     """Pairs of facets that share an edge (in 2D a node)."""
     nodes = facets.closed
     facet = np.broadcast_to(np.arange(len(nodes))[:, None], nodes.shape)
@@ -52,7 +59,7 @@ def _neighbours(facets: contact_facets.Facets) -> tuple[IntArray, IntArray]:
     return facet[order[same]], facet[order[same + 1]]
 
 
-def _colours(facets: contact_facets.Facets, patch: IntArray, n_patches: int) -> IntArray:
+def _colours(facets: Facets, patch: IntArray, n_patches: int) -> IntArray:
     """A colour for each patch, different where two share a node."""
     real = facets.nodes >= 0
     node, owner = facets.nodes[real], np.broadcast_to(patch[:, None], real.shape)[real]

@@ -8,7 +8,7 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fcsim.arrays import BoolArray, IntArray, is_number
+from fcsim.arrays import BoolArray, FloatArray, IntArray, is_number
 from fcsim.brief import brief, shown
 from fcsim.contact_detection.surfaces.parents import Parents
 from fcsim.errors import InputError
@@ -36,11 +36,14 @@ class ContactSurface:
            outward normal is (t_y, -t_x)
     bodies (nf,) number of the body that owns the facet; a node belongs to one body only
     parents the facets of second order that these are pieces of (`contact_surface` makes them); None where there are none
+    bulge   (nf, k, k) [m] how far the curved surface that they stand for bulges over them, see `bulges` (`contact_surface` makes it); None:
+            the facets are the surface
     """
 
     facets: IntArray
     bodies: IntArray
     parents: Parents | None = None
+    bulge: FloatArray | None = None
 
     __repr__ = brief
 
@@ -54,6 +57,8 @@ class ContactSurface:
             raise InputError(f"ContactSurface, bodies: expected one number for each of {len(facets)} facets, got {len(bodies)}")
         if self.parents is not None and len(self.parents.kind) != len(facets):
             raise InputError(f"ContactSurface, parents: expected one for each of {len(facets)} facets, got {len(self.parents.kind)}")
+        if self.bulge is not None and self.bulge.shape != (*facets.shape, facets.shape[1]):
+            raise InputError(f"ContactSurface, bulge: expected shape {(*facets.shape, facets.shape[1])}, got {self.bulge.shape}")
         if bodies.size and bodies.min() < 0:
             raise InputError(f"ContactSurface, bodies: expected numbers >= 0, got {bodies.min()}")
         real = facets[:, :3] if facets.shape[1] == 4 else facets
@@ -73,7 +78,8 @@ class ContactSurface:
 
     def take(self, chosen: BoolArray) -> ContactSurface:
         """The chosen facets (a mask (nf,))."""
-        return ContactSurface(self.facets[chosen], self.bodies[chosen], None if self.parents is None else self.parents.take(chosen))
+        parents = None if self.parents is None else self.parents.take(chosen)
+        return ContactSurface(self.facets[chosen], self.bodies[chosen], parents, None if self.bulge is None else self.bulge[chosen])
 
 
 @dataclass(frozen=True, eq=False)

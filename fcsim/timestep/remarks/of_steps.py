@@ -17,6 +17,7 @@ from fcsim.timestep.remarks.of_laws.carried_round import CarriedRound
 from fcsim.timestep.remarks.of_laws.rigid_joints import rigid_joints
 from fcsim.timestep.remarks.of_laws.struck_together import struck_together
 from fcsim.timestep.remarks.of_laws.turned_slip import turned_slip
+from fcsim.timestep.remarks.of_shapes.chords import Chords
 from fcsim.timestep.remarks.spinning import spinning
 from fcsim.timestep.step import Step
 
@@ -26,7 +27,7 @@ class StepRemarks:
 
     def __init__(self, detection: Detection, steps: int) -> None:
         self._detection, self._steps, self._snapping, self._inertia = detection, steps, Snapping(), LumpedInertia()
-        self._buckled, self._carried = Buckled(), CarriedRound()
+        self._buckled, self._carried, self._chords = Buckled(), CarriedRound(), Chords(detection, steps)
 
     def __call__(self, step: Step, found: Deformation, when: str, said: frozenset[str]) -> dict[str, str]:
         """Remarks by kind, of those kinds that are not among the `said`."""
@@ -43,4 +44,5 @@ class StepRemarks:
             | turned_slip(step, when, said)
             | rigid_joints(step, when, said)
             | self._carried(step, found, when, said)
+            | self._chords(step, when, said)
         )

@@ -1,0 +1,128 @@
+"""How far a curved surface bulges over its facets: what lies between the chords that a mesh has and the surface that they stand for.
+
+Facets of length L on a surface of radius R are chords, L^2 / 8R below it in their middle. Two bodies that fit each other with other facets
+each, a shaft in its hub, have gaps of such lengths where there is none: what is pressed together by less bears elsewhere, by many times too
+much, or not at all. With unit normals n_k of the surface at the corners x_k of a facet of the normal N, and its shape functions psi_k,
+
+    b(psi) = sum_kl psi_k psi_l B_kl,    B_kl = n_k . (x_k - x_l) / (1 + n_k . N)                                                 (1)
+
+is the height of the surface over the facet, > 0 outwards: exact on paraboloids, and in the middle of a circle's chord. B is of the
+reference and moves with the body: a point of a body is where the surface was, displaced as the shape functions say.
+
+The normals weigh corners by sin / (|a|^2 |b|^2) of their sides (2D: 1 / length), exact on spheres and circles with facets of any lengths.
+At the rim of a smooth patch they are carried on, mirrored at N from the facet's inner corners. Of B_kl and B_lk the smaller counts, none
+where they differ in sign, and facets that are more than `LONG` times as long as one beside them are flat: the straight part of what ends in
+a curve is none.
+
+Sources: N. Max, Weights for computing vertex normals from facet normals, Journal of Graphics Tools 4, 1999; M. A. Puso and T. A. Laursen, A
+3D contact smoothing method using Gregory patches, IJNME 54, 2002 (what chords do to contact, and smooth surfaces in their place).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fcsim.arrays import BoolArray, FloatArray, IntArray
+
+LEVEL = 1e-9
+"""Of a facet's size: less is round-off, and the facet is flat."""
+LONG = 2.5
+"""Times the size of a facet beside it: what is longer is no chord of the same curve."""
+
+
+def bulges(
+    nodes: IntArray, sides: IntArray, points: FloatArray, normal: FloatArray, size: FloatArray, patch: IntArray
+) -> FloatArray | None:
+    """Return B (nf, k, k) [m] of (1), symmetric, 0 on the diagonal and of flat facets; None where all are flat.
+
+    nodes (nf, k), of which the first `sides` (nf,) count; points (n, d) [m]; normal (nf, d), size (nf,) [m] of the facets; patch (nf,): the
+    number of the smooth part of the surface that each facet is in.
+    """
+    if not len(nodes) or not _bent(normal, patch):
+        return None
+    real = np.arange(nodes.shape[1]) < sides[:, None]
+    vertex = np.zeros_like(nodes)
+    vertex[real] = np.unique((nodes * (1 + patch.max()) + patch[:, None])[real], return_inverse=True)[1]
+    x = points[nodes]
+    n = _normals(vertex, real, sides, x, normal)
+    n[_uneven(vertex, real, size)] = np.nan
+    own = n[vertex]
+    towards = np.einsum("fkd,fkld->fkl", own, x[:, :, None] - x[:, None])
+    B = towards / (1.0 + np.einsum("fkd,fd->fk", own, normal))[:, :, None]
+    back = B.transpose(0, 2, 1)
+    alike = (B * back > 0) & real[:, :, None] & real[:, None]  # not of nan
+    B = np.where(alike, np.where(np.abs(B) < np.abs(back), B, back), 0.0)
+    B[np.abs(B) < LEVEL * size[:, None, None]] = 0.0
+    return B if B.any() else None
+
+
+def heights(bulge: FloatArray, facet: IntArray, weights: FloatArray) -> FloatArray:
+    """b (n,) [m] over facets (n,) at their shape functions (n, k), for B (nf, k', k'), k' >= k."""
+    k = weights.shape[1]
+    return np.einsum("nk,nl,nkl->n", weights, weights, bulge[facet, :k, :k])
+
+
+def highest(bulge: FloatArray) -> FloatArray:
+    """What b does not exceed on each facet (nf,) [m], >= 0."""
+    return np.asarray(np.maximum(bulge, 0.0).sum(axis=(1, 2)) / bulge.shape[1])
+
+
+def _bent(normal: FloatArray, patch: IntArray) -> bool:
+    """Whether facets of one patch have different normals."""
+    first = np.zeros(1 + patch.max(), dtype=np.int64)
+    first[patch] = np.arange(len(patch))
+    return bool((np.abs(normal - normal[first[patch]]) > LEVEL).any())
+
+
+def _normals(vertex: IntArray, real: BoolArray, sides: IntArray, x: FloatArray, normal: FloatArray) -> FloatArray:
+    """Unit normals (nv, d) of the surface at the vertices; vertex (nf, k), x (nf, k, d) [m]."""
+    count, each = 1 + int(vertex.max()), np.arange(vertex.shape[1])
+    ahead, back = ((each + step) % sides[:, None] for step in (1, -1))
+    if x.shape[2] == 2:
+        length = np.linalg.norm(x[:, 1] - x[:, 0], axis=1)
+        corner = np.repeat((normal / length[:, None])[:, None], 2, axis=1)
+        rim = np.bincount(vertex[real], minlength=count) == 1
+    else:
+        a, b = (np.take_along_axis(x, k[:, :, None], axis=1) - x for k in (ahead, back))
+        square = np.maximum(np.einsum("fkd,fkd->fk", a, a) * np.einsum("fkd,fkd->fk", b, b), 1e-300)
+        corner = np.cross(a, b) / square[:, :, None]
+        ends = np.sort(np.stack([vertex, np.take_along_axis(vertex, ahead, axis=1)], axis=-1)[real], axis=1)
+        _, edge, times = np.unique(ends @ [count, 1], return_inverse=True, return_counts=True)
+        rim = np.zeros(count, dtype=bool)
+        rim[ends[times[edge] == 1]] = True
+    n = _unit(_sums(vertex[real], corner[real], count))
+    return _carried_on(n, rim, vertex, real, normal)
+
+
+def _carried_on(n: FloatArray, rim: BoolArray, vertex: IntArray, real: BoolArray, normal: FloatArray) -> FloatArray:
+    """The normals with those at the rim carried on from the inner corners of their facets; where there are none (a strip of one cell), from
+    corners that more facets share."""
+    valence = np.bincount(vertex[real], minlength=len(n))
+    within = real & ~rim[vertex]
+    shared = real & (valence[vertex] > np.where(real, valence[vertex], valence.max()).min(axis=1)[:, None])
+    inner = np.where(within.any(axis=1)[:, None], within, shared)
+    mean = _unit(np.einsum("fk,fkd->fd", inner, n[vertex]))
+    mirrored = 2.0 * np.einsum("fd,fd->f", normal, mean)[:, None] * normal - mean
+    outer = real & rim[vertex] & ~inner & inner.any(axis=1)[:, None]
+    facet = np.broadcast_to(np.arange(len(vertex))[:, None], vertex.shape)[outer]
+    carried = _sums(vertex[outer], mirrored[facet], len(n))
+    known = np.bincount(vertex[outer], minlength=len(n)) == np.where(rim, valence, -1)
+    return np.where(known[:, None], _unit(np.where(known[:, None], carried, n)), n)
+
+
+def _uneven(vertex: IntArray, real: BoolArray, size: FloatArray) -> BoolArray:
+    """Vertices (nv,) of which a facet around is far longer than another."""
+    at = np.broadcast_to(size[:, None], vertex.shape)[real]
+    least = np.full(1 + vertex.max(), np.inf)
+    most = np.zeros_like(least)
+    np.minimum.at(least, vertex[real], at)
+    np.maximum.at(most, vertex[real], at)
+    return np.asarray(most > LONG * least)
+
+
+def _sums(row: IntArray, values: FloatArray, count: int) -> FloatArray:
+    return np.stack([np.bincount(row, column, minlength=count) for column in values.T], axis=1)
+
+
+def _unit(vectors: FloatArray) -> FloatArray:
+    return vectors / np.maximum(np.linalg.norm(vectors, axis=1), 1e-300)[:, None]

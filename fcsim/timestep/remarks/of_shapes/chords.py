@@ -1,0 +1,122 @@
+"""What is said of bodies that fit each other, a shaft in its hub, whose facets lie farther apart than they are deformed."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from fcsim.arrays import BoolArray, FloatArray
+from fcsim.assembly.model import Model
+from fcsim.contact_detection import Detection, Detector, Everything, SurfacePair
+from fcsim.contact_detection.contacts import Contacts
+from fcsim.contact_detection.skin.skin import SMOOTH
+from fcsim.contact_detection.surfaces.model_surfaces import bulges_of_surface
+from fcsim.contact_detection.surfaces.surface import ContactSurface
+from fcsim.timestep.remarks.coarse import looked_at
+from fcsim.timestep.step import Step
+from fcsim.timestep.step_equation.look_ahead import BORNE, places
+
+NAMED = 0.05
+"""Of how far the bodies are deformed: gaps that are wrong by more are named."""
+
+
+class Chords:
+    """The remark on the first two bodies that fit each other, a hollow of one around the other, whose gaps are those of their facets and,
+    by the curved surfaces that these stand for (`fcsim.contact_detection.surfaces.bulges`), wrong by more than `NAMED` of how far the
+    contacts deform bodies, twice the elastic energy over the sum of their forces. Steps 1, 4, 16, ... and the last are looked at.
+
+    The same rules with the surfaces smoothed over all edges of less than 45 degrees are the measure: what they agree with is not named.
+    """
+
+    def __init__(self, detection: Detection, steps: int) -> None:
+        self._detection, self._steps = detection, steps
+        self._smooth: tuple[Detection, BoolArray, BoolArray] | None = None
+        self._asked = False
+
+    def __call__(self, step: Step, when: str, said: frozenset[str]) -> dict[str, str]:
+        """The remark, {} where there is none."""
+        model = step.model
+        if "chords" in said or not (looked_at(step.number) or step.number == self._steps):
+            return {}
+        if not self._asked:
+            self._smooth, self._asked = _smooth(model, self._detection), True
+        if self._smooth is None:
+            return {}
+        detection, hollow, round_ = self._smooth
+        now = step.encounter.meeting.contacts
+        pressed = _of(hollow, round_, now) & (step.contact_force[:, 0] > 0)
+        there = detection(step.encounter.meeting.positions)
+        fits = there.take(_of(hollow, round_, there) & ((there.gap <= 0) | np.isin(there.identity, now.identity[pressed])))
+        at, known = places(now.identity, fits.identity)
+        own = np.append(now.gap, 0.0)[at]
+        wrong = np.where(known, np.abs(fits.gap - own), np.maximum(-fits.gap, 0.0))  # what is not found is open
+        force, least = float(step.contact_force[:, 0].sum()), BORNE * step.encounter.meeting.proportions.size
+        motion = 2.0 * step.energy.elastic / force if force > 0 else 0.0
+        for pair in np.unique(np.sort(fits.bodies, axis=1), axis=0):
+            between = (np.sort(fits.bodies, axis=1) == pair).all(axis=1)
+            error = float(wrong[between].mean())
+            if error > max(NAMED * motion, float(least[pair].min())):
+                one, other = (model.bodies[int(k)].name for k in pair)
+                return {
+                    "chords": f"{when}: {one!r} and {other!r} fit each other along curved surfaces, and where they bear their facets are "
+                    f"chords that put the gaps wrong by {error:.2g} m, beside {motion:.2g} m by which contact deforms them: where and how "
+                    'hard they bear is that of the chords. What helps: normals="smooth" or candidates="mortar" of their pair, smooth=True '
+                    "of Everything, or facets at less than 23 degrees to each other (docs/contact_rules.md)"
+                }
+        return {}
+
+
+def _of(hollow: BoolArray, round_: BoolArray, contacts: Contacts) -> BoolArray:
+    """Which contacts (nc,) are those of a hollow place of one body with a round one of the other, by their nodes (n_nodes,)."""
+    real = contacts.nodes >= 0
+    sides = (real & (contacts.weights > 0), real & (contacts.weights < 0))
+    inward, outward = ([(side & of[contacts.nodes]).any(axis=1) for side in sides] for of in (hollow, round_))
+    return np.asarray(inward[0] & outward[1] | inward[1] & outward[0])
+
+
+def _smooth(model: Model, detection: Detection) -> tuple[Detection, BoolArray, BoolArray] | None:
+    """The same detection of smooth surfaces, and the nodes (n_nodes,) around which these are hollow, and round; None where no surface
+    differs from its facets but where the detection knows it, or none is hollow."""
+    if not model.deformable:
+        return None
+    other: Detection
+    if isinstance(detection, Everything):
+        if not _curved(detection):
+            return None
+        other = Everything(model, 0.0, detection.alert, detection.exclude, curved=[body.name for body in model.bodies])
+        nodes, B = other.skin.node[other.skin.facets], other.bulge
+        surfaces = [] if B is None else [(nodes, B)]
+    elif isinstance(detection, Detector):
+        pairs = [_smooth_pair(model, pair) for pair in detection.pairs]
+        surfaces = [(s.facets, s.bulge) for pair in pairs for s in (pair.slave, pair.master) if s.bulge is not None]
+        if not surfaces:
+            return None
+        other = Detector(pairs, model.n_nodes, detection.edge_tolerance, detection.penetration)
+    else:
+        return None
+    hollow, round_ = (np.zeros(model.n_nodes, dtype=bool) for _ in range(2))
+    for facets, bulge in surfaces:
+        for marked, those in ((hollow, (bulge < 0).any(axis=(1, 2))), (round_, (bulge > 0).any(axis=(1, 2)))):
+            marked[facets[those][facets[those] >= 0]] = True
+    return (other, hollow, round_) if hollow.any() and round_.any() else None
+
+
+def _curved(detection: Everything) -> bool:
+    """Whether facets meet at an angle, of less than 45 degrees, over an edge that is not smoothed."""
+    skin = detection.skin
+    normal = detection.reference_normals
+    first, second = skin.edge_facets[skin.smooth].T
+    bent: FloatArray = np.einsum("ed,ed->e", normal[first], normal[second])
+    apart = ~detection.smoothed_bodies[skin.facet_body[first]] | (detection.patches[first] != detection.patches[second])
+    return bool((apart & (bent < 1.0 - 1e-9)).any())
+
+
+def _smooth_pair(model: Model, pair: SurfacePair) -> SurfacePair:
+    """The pair with surfaces that are curved over all edges of less than 45 degrees."""
+
+    def of(surface: ContactSurface) -> ContactSurface:
+        return replace(surface, bulge=bulges_of_surface(model, surface, float(np.arccos(SMOOTH))))
+
+    integral = pair.candidates in ("mortar", "mortar-faces", "segments")
+    return replace(pair, slave=of(pair.slave), master=of(pair.master), normals="facet" if integral else "smooth")
