@@ -57,7 +57,12 @@ def energies(found: list[Step], joint: float, G: tuple[float, float], exact: flo
 
 
 @pytest.mark.parametrize(
-    ("cells", "steps", "within"), [((80, 4), 30, 0.04), ((80, 4), 60, 0.04), pytest.param((160, 8), 40, 0.015, marks=pytest.mark.slow)]
+    ("cells", "steps", "within"),
+    [
+        ((80, 4), 30, 0.04),
+        pytest.param((80, 4), 60, 0.04, marks=pytest.mark.slow),
+        pytest.param((160, 8), 40, 0.015, marks=pytest.mark.slow),
+    ],
 )
 def test_a_double_cantilever_beam_opens_by_its_fracture_energy(cells: tuple[int, int], steps: int, within: float) -> None:
     """Half of the specimen on its plane of symmetry, which takes half of the fracture energy: with G = F^2 a^2 / (2 b E I) and the opening

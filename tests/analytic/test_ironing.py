@@ -107,7 +107,7 @@ def test_pressed_in_all_rules_of_contact_agree() -> None:
     assert_allclose(at_depth[:, 1], at_depth[:, 1].mean(), rtol=0.02)
 
 
-@pytest.mark.parametrize("way", [{}, {"block_slave": True}])
+@pytest.mark.parametrize("way", [{}, pytest.param({"block_slave": True}, marks=pytest.mark.slow)])
 def test_first_touch_on_the_kink_between_two_facets(way: dict[str, Any]) -> None:
     """One node touches, with facets' own normals on the edge between two of them: the forces are those of interpolated normals, to 1e-6."""
     assert_allclose(ironed(40, 5, **way)[0.25], ironed(40, 5, normals="smooth")[0.25], rtol=1e-6)

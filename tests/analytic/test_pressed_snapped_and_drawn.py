@@ -23,6 +23,7 @@ from tests.analytic.references.loading import ANY
 from tests.analytic.references.meshes import block, sector, spaced
 
 UNITS = pytest.mark.parametrize("unit", [1.0, 1e3], ids=["m", "mm"])
+METRES = pytest.mark.parametrize("unit", [1.0, pytest.param(1e3, marks=pytest.mark.slow)], ids=["m", "mm"])
 
 
 def rubber(E: float, unit: float, nu: float = 0.3) -> Any:
@@ -98,7 +99,7 @@ def on_body(steps: Sequence[Step], body: int) -> np.ndarray:
     return np.array([step.contact_force_on(body) for step in steps])
 
 
-@UNITS
+@METRES
 @pytest.mark.parametrize(("aside", "mu"), [(0.07, 0.3), (0.03, 0.0), (-0.07, 0.3)])
 def test_a_corner_on_a_corner_slides_down_its_side(unit: float, aside: float, mu: float) -> None:
     """Two diamonds, the upper one beside the axis and driven down: it is pushed to where it stands. Corner exactly on corner has two
@@ -119,7 +120,7 @@ def test_a_corner_on_a_corner_slides_down_its_side(unit: float, aside: float, mu
     assert force[1] > 0 and force[0] * aside > 0
 
 
-@UNITS
+@METRES
 def test_a_catch_rides_over_a_ridge(unit: float) -> None:
     """A hook of 0.8 mm rises on a ramp of as much in 1 mm, slides over the top, goes down and is free: the force that holds it back is
     the tip's force turned by the slope and the angle of friction on the way up."""

@@ -138,7 +138,7 @@ def test_a_rank_that_is_killed_ends_all(
     assert steps_without_seconds(tmp_path / "out") == steps_without_seconds(tmp_path / "alone")
 
 
-@pytest.mark.parametrize("rank", [0, 1])
+@pytest.mark.parametrize("rank", [0, pytest.param(1, marks=pytest.mark.slow)])
 def test_a_rank_that_is_stopped_is_named_and_waited_for(run: Callable[..., Ended], case_folder: Path, tmp_path: Path, rank: int) -> None:
     """The others waited for it, for ever perhaps, and nobody knew for what."""
     once = "if not SIGN.parents[1].joinpath('once').exists(): SIGN.parents[1].joinpath('once').touch(); import signal, subprocess"

@@ -62,7 +62,7 @@ def test_what_hardly_resists_is_solved_for_more_sharply_where_newton_stalls(shar
     assert shared[0]["tower of quadratic cells"][0]["iterations"] < 200
 
 
-@pytest.mark.parametrize("error", ["MemoryError", "SingularMatrix"])
+@pytest.mark.parametrize("error", ["MemoryError", pytest.param("SingularMatrix", marks=pytest.mark.slow)])
 def test_an_error_of_one_rank_within_gmres_ends_all(mpiexec: Program, tmp_path: Path, error: str) -> None:
     """Also one that others take for theirs where all ranks have it."""
     ended = mpiexec(2, PROGRAM, tmp_path, error, timeout=100, env=ENVIRONMENT)

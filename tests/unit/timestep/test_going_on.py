@@ -29,7 +29,10 @@ RUNS: dict[str, Callable[[], Any]] = {
 }
 
 
-@pytest.mark.parametrize("name", RUNS)
+SLOW = "smooth contact, steps of three facets"
+
+
+@pytest.mark.parametrize("name", [pytest.param(name, marks=[pytest.mark.slow] if name == SLOW else []) for name in RUNS])
 def test_going_on_gives_the_same_bits(name: str) -> None:
     """From every step, with its anchor; fresh simulations know nothing of the whole run."""
     whole = list(RUNS[name]())

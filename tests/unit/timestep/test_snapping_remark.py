@@ -35,7 +35,7 @@ def snaps(simulation: Simulation) -> list[tuple[float, str]]:
     return [(step.state.t, remark) for step in simulation for remark in step.remarks if "released" in remark]
 
 
-@pytest.mark.parametrize("h", [0.1, 0.2])
+@pytest.mark.parametrize("h", [pytest.param(0.1, marks=pytest.mark.slow), 0.2])
 def test_an_arch_that_snaps_through_is_named_once_with_what_it_releases(h: float) -> None:
     """Under a load that is nearly constant meanwhile, P dx - dE is released: found from positions and energies on both sides."""
     simulation = arch(5e5, h)
