@@ -10,6 +10,7 @@ from fcsim import (
     ExactContacts,
     Gap,
     GeneralisedAlpha,
+    QuasiStatic,
     Simulation,
     SlipWeakening,
     SolverSettings,
@@ -18,7 +19,7 @@ from fcsim import (
     Theta,
     build_model,
 )
-from fcsim.mesh import Body, Material, brick, rectangle, rigid_box, rigid_plane, rigid_sphere
+from fcsim.mesh import Body, Material, brick, rectangle, rigid_box, rigid_capsule, rigid_cylinder, rigid_plane, rigid_sphere
 from fcsim.mesh.rigid import rigid_body
 from fcsim.timestep.step import Step
 
@@ -49,8 +50,8 @@ def drawn(kind: str, scheme: Any, mu: float) -> list[Step]:
     return list(Simulation(model, ExactContacts(model, mu), scheme, round(0.1 / H), SolverSettings(tol=1e-10)))
 
 
-def pull(steps: list[Step]) -> Any:
-    return np.array([step.contact_force_on(step.model.number["ball"])[0] for step in steps])
+def pull(steps: list[Step], axis: int = 0) -> Any:
+    return np.array([step.contact_force_on(step.model.number["ball"])[axis] for step in steps])
 
 
 def hysteresis(s: Any, s_0: float, limit: float) -> Any:
@@ -94,3 +95,38 @@ def test_the_way_slid_goes_with_a_ball_from_facet_to_facet(kind: str) -> None:
     assert [step.law_variables["slip"].max() for step in steps] == pytest.approx(slid, abs=1.1 * SPEED * H)
     mu = np.maximum(dynamic, static - (static - dynamic) * slid / distance)
     assert pull(steps) == pytest.approx(-mu * 9.81, abs=2.2 * SPEED * H * (static - dynamic) / distance * 9.81)
+
+
+@pytest.mark.parametrize("scheme", [Theta(H, 1.0, law=LAW), QuasiStatic(H, law=LAW)])
+def test_a_spring_does_not_act_twice_where_a_step_ends_on_another_facet(scheme: Any) -> None:
+    """The facet of the step's end is looked at too, where the step ends: N and the stiffness stay."""
+    steps = drawn("mesh", scheme, 5.0)
+    assert pull(steps, 2) == pytest.approx(PRESSED, abs=1e-6)
+    ends = there_and_back((np.arange(len(steps)) + 1.0) * H)
+    assert pull(steps) == pytest.approx(hysteresis(ends, SPEED * 0.05, 5.0 * PRESSED), abs=K * SPEED * H + 1e-6)
+
+
+def test_a_ball_on_a_spring_rolls_over_cells_as_on_a_plane() -> None:
+    """Free, under a slanting weight: the same path and the same forces."""
+    seen = []
+    for kind in ("plane", "mesh"):
+        ball = rigid_sphere("ball", 0.1, (-0.15, 0.01, 0.1 - 1e-5), 1.0)
+        model = build_model([ball, floor(kind)], supports=[Support("floor", HELD)], gravity=lambda t: (2.0, 0.3, -10.0))
+        scheme = Theta(H, law=Compliant(Springs(normal=1e6, tangential=K, normal_damping=300.0, each=True)))
+        run = list(Simulation(model, ExactContacts(model, 0.5), scheme, 300, SolverSettings(tol=1e-10), created=np.inf))
+        assert run[-1].state.x[model.dof_offset[model.number["ball"]]] > 0.06
+        seen.append([step.contact_force_on(model.number["ball"]) for step in run])
+    assert np.array(seen[1]) == pytest.approx(np.array(seen[0]), abs=1e-6)
+
+
+@pytest.mark.parametrize("kind", ["box", "mesh"])
+@pytest.mark.parametrize("shape", [rigid_capsule, rigid_cylinder])
+def test_one_that_lies_is_pressed_by_its_ends_alone_on_a_flat_face(shape: Any, kind: str) -> None:
+    """Twice the force of a ball, also above nodes within the face, and where an end is just above the edge of two triangles."""
+    lying = shape("ball", 0.1, 0.15, (-0.15, 0.01, 0.1 - DEPTH), 1.0, (0, 1, 0))
+    drives = [Support("ball", ("x",), displacement=there_and_back), Support("ball", ("y", "z", "rx", "ry", "rz"))]
+    model = build_model([lying, floor(kind)], supports=[Support("floor", HELD), *drives])
+    steps = list(Simulation(model, ExactContacts(model, 5.0), Theta(H, law=LAW), 100, SolverSettings(tol=1e-10)))
+    assert pull(steps, 2) == pytest.approx(2 * PRESSED, abs=1e-6)
+    middle = there_and_back((np.arange(100) + 0.5) * H)
+    assert pull(steps) == pytest.approx(2 * hysteresis(middle, SPEED * 0.05, 5.0 * PRESSED), abs=K * SPEED * H + 1e-6)
