@@ -14,6 +14,11 @@ from fcsim.contact_detection._contact_matrix_kernels import along_normals
 
 CABLES = 1 << 61
 """Identities of cables, which are contacts that pull, begin here (`fcsim.linkage.cables`): above those of all surfaces."""
+EXACT, KIND = 1 << 60, 56
+"""Identities of contacts with exact shapes (`ExactContacts`) begin at EXACT, above those of meshed bodies; 2^KIND for each kind."""
+OVER_FACETS = {2: (2, 3, 5), 3: (4, 5, 7, 8)}
+"""By dimension, the kinds of these whose identity has a facet, an edge or a vertex of a mesh that exact shapes roll and slide over: balls,
+sides, (3D) rims, and vertices under them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,6 +59,11 @@ class Contacts:
     def cables(self) -> BoolArray:
         """Which of them (nc,) are cables."""
         return np.asarray(self.identity >= CABLES)
+
+    @property
+    def over_facets(self) -> BoolArray:
+        """Which of them (nc,) are of an exact shape on a mesh: their identity is another one where the shape comes to another facet."""
+        return np.isin((self.identity - EXACT) >> KIND, OVER_FACETS[self.dimension])
 
     @property
     def on_master(self) -> FloatArray:

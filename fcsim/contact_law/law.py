@@ -41,10 +41,10 @@ class Timing:
     moving: bool = True
 
 
-OF_ONE_STEP = ("rate", "stretch", "attitude")
+OF_ONE_STEP = ("rate", "stretch", "attitude", "place")
 """What laws remember of the last step alone: contacts that were not met in it have none."""
-UNSHOWN = ("attitude",)
-"""What laws remember of the bodies to carry other variables on: no result of a step."""
+UNSHOWN = ("attitude", "place")
+"""What is remembered of the bodies to carry other variables on (`turning_along`, `handed_on`): no result of a step."""
 
 
 @dataclass(frozen=True, eq=False)

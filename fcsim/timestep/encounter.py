@@ -18,6 +18,7 @@ from fcsim.contact_detection.skin.boundary import joined_by_facets
 from fcsim.contact_law.coulomb import Gap
 from fcsim.contact_law.driven import Driven, moved_by_supports, refuse_driven, without_force
 from fcsim.contact_law.friction import refuse_endless
+from fcsim.contact_law.handed_on import handed_on, places
 from fcsim.contact_law.law import NOTHING, Implicit, Law, Meeting, Outcome, Terms, Variables
 from fcsim.contact_law.one_point import at_one_point
 from fcsim.contact_law.proportions import Proportions
@@ -168,7 +169,8 @@ class Encounter:
         earlier = self.meeting.variables or NOTHING
         if not kept.values:
             return replace(earlier, stored=kept.stored, breaking=kept.breaking)
-        return earlier.merged(self.contacts.identity, kept.values, kept.stored, kept.breaking)
+        values = {**kept.values, **places(self.meeting, outcome, kept)}
+        return earlier.merged(self.contacts.identity, values, kept.stored, kept.breaking)
 
 
 @dataclass(frozen=True, eq=False)
@@ -249,6 +251,7 @@ def under_law(
     where rigid bodies stand, None = as they are detected."""
     law = scheme.law
     configuration = scheme.detection_configuration(model, state) if configuration is None else configuration
+    variables = handed_on(variables, contacts, positions, proportions)
     chosen = law.select(contacts, proportions, variables)
     through = left = None
     if not chosen.all():

@@ -12,7 +12,7 @@ from fcsim.assembly.model import Model
 from fcsim.assembly.supports import moved_together
 from fcsim.brief import brief
 from fcsim.contact_detection.arguments import excluded_pairs, refuse_alert
-from fcsim.contact_detection.contacts import Contacts, join
+from fcsim.contact_detection.contacts import EXACT, KIND, Contacts, join
 from fcsim.contact_detection.exact.cylinders import cylinders_with_cylinders
 from fcsim.contact_detection.exact.cylinders_on_meshes import cylinders_on_meshes
 from fcsim.contact_detection.exact.dents import beside, vertices_under
@@ -31,7 +31,6 @@ from fcsim.errors import InputError
 from fcsim.mesh.exact_shape import endless
 
 _ALERT = 0.05  # of the smallest radius; where planes are the only exact shapes, of half the smallest extent of what is meshed
-_FIRST = 1 << 60  # identities of contacts with exact shapes lie above those of meshed bodies; 2^56 for each kind
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,7 +145,7 @@ class ExactContacts:
 
         met = with_swept(begin, met_at, x, way, times, alert)
         # a point of a solid moves with weights of both signs: its place is told by the master's columns, not by the signs
-        alone = (met.identity - _FIRST) >> 56 == (6 if x.shape[1] == 3 else 4)  # vertices on planes are slaves of one node
+        alone = (met.identity - EXACT) >> KIND == (6 if x.shape[1] == 3 else 4)  # vertices on planes are slaves of one node
         master = np.arange(met.nodes.shape[1]) >= np.where(alone, 1, x.shape[1] + 1)[:, None]
         weights = np.where(master & (met.nodes >= 0), -met.weights, 0.0)
         return replace(met, point=np.einsum("ak,akd->ad", weights, x[met.nodes]))
@@ -225,7 +224,7 @@ class ExactContacts:
             np.concatenate([touch.slave_node, touch.master_node], axis=1),
             np.concatenate([touch.slave_weights, -touch.master_weights], axis=1),
             touch.bodies,
-            _FIRST + (kind << 56) + touch.identity,
+            EXACT + (kind << KIND) + touch.identity,
         )
 
 

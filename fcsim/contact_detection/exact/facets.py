@@ -68,20 +68,23 @@ def feet_of(skin: MeshSkin, x: FloatArray, points: FloatArray, point: IntArray, 
 def minima(skin: MeshSkin, feet: Feet, tolerance: FloatArray) -> Feet:
     """The feet at which the distance from their point has a minimum over the skin, each feature once a point.
 
-    A foot on a face is one; on an edge or a vertex no facet around it may be nearer by more than tolerance (of the points, [m]).
+    A foot on a face is one; on an edge or a vertex no facet around it may be nearer by more than tolerance (of the points, [m]), nor have a
+    foot of its own as near: that is the same place, beside which springs would act twice.
     """
     nf, ne = len(skin.facets), len(skin.edges)
     around = np.concatenate([nf + skin.edge, nf + ne + skin.vertex], axis=1)[feet.facet]
     key = (feet.point[:, None] * skin.n_features + around).ravel()
     own = feet.point * skin.n_features + feet.feature
     different, place = np.unique(key, return_inverse=True)
-    least = np.full(len(different), np.inf)
-    np.minimum.at(least, place.ravel(), np.repeat(feet.distance, around.shape[1]))
     on_face = feet.feature < nf
+    least, of_faces = np.full((2, len(different)), np.inf)
+    np.minimum.at(least, place.ravel(), np.repeat(feet.distance, around.shape[1]))
+    np.minimum.at(of_faces, place.ravel(), np.repeat(np.where(on_face, feet.distance, np.inf), around.shape[1]))
     where = np.minimum(np.searchsorted(different, own), max(len(different) - 1, 0))
     keep = on_face.copy()
     rest = np.flatnonzero(~on_face)
-    keep[rest] = feet.distance[rest] <= least[where[rest]] + tolerance[feet.point[rest]]
+    far, as_near = feet.distance[rest], tolerance[feet.point[rest]]
+    keep[rest] = (far <= least[where[rest]] + as_near) & (of_faces[where[rest]] > far + as_near)
     chosen = np.flatnonzero(keep)
     return feet.take(chosen[np.unique(own[chosen], return_index=True)[1]])
 
@@ -156,7 +159,7 @@ def sides_on_meshes(now: Placed, skin: MeshSkin, x: FloatArray, alert: float) ->
     if not len(capsules):
         return no_touch(now, now.solids.node.shape[1], x.shape[1])
     normal = normals(skin, x)
-    vertex = _sides_on_vertices(now, skin, x, capsules, alert)
+    vertex = _sides_on_vertices(now, skin, x, normal, capsules, alert)
     if x.shape[1] == 2:
         return vertex
     p, q = x[skin.edges[:, 0]], x[skin.edges[:, 1]]
@@ -197,7 +200,7 @@ def sides_on_meshes(now: Placed, skin: MeshSkin, x: FloatArray, alert: float) ->
     return Touch._make(np.concatenate(both) for both in zip(vertex, edges, strict=True))
 
 
-def _sides_on_vertices(now: Placed, skin: MeshSkin, x: FloatArray, capsules: IntArray, alert: float) -> Touch:
+def _sides_on_vertices(now: Placed, skin: MeshSkin, x: FloatArray, normal: FloatArray, capsules: IntArray, alert: float) -> Touch:
     d = x.shape[1]
     reach = now.solids.radius[capsules] + now.solids.half[capsules] + alert
     at = x[skin.vertices]
@@ -217,6 +220,9 @@ def _sides_on_vertices(now: Placed, skin: MeshSkin, x: FloatArray, capsules: Int
     corners = x[skin.facets[facet[place]]] - at[v][row][:, None]
     nearer = (np.einsum("nkd,nd->nk", corners, direction[row]) > _FAN * np.linalg.norm(corners, axis=2)).any(axis=1)
     clear = np.bincount(row[nearer], minlength=len(v)) == 0
+    # within a flat face it is none: ends of the core, or the face's border, bear what lies there
+    bent = np.einsum("nd,nd->n", normal[facet[place]], normal[facet[first[v]]][row]) < _FLAT
+    clear &= np.bincount(row[bent], minlength=len(v)) > 0
     body = skin.body[facet[first[:-1]]]
     i, v, k, s, direction = i[clear], v[clear], k[clear], s[clear], direction[clear]
     point = now.centre[k] + s[:, None] * now.along[k] - now.solids.radius[k][:, None] * direction

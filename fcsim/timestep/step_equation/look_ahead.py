@@ -29,6 +29,7 @@ from fcsim.assembly.model import Model
 from fcsim.contact_detection import Detection, Detector, Everything, ExactContacts
 from fcsim.contact_detection.contacts import Contacts, join
 from fcsim.contact_detection.sweep import brought_back
+from fcsim.contact_law.handed_on import comes_after
 from fcsim.contact_law.law import Implicit
 from fcsim.errors import InputError
 from fcsim.linear.sparse._vectors_kernels import farthest
@@ -104,7 +105,7 @@ def looked_ahead(
     anew = known & (deeper | (given < 0) & (there.gap > meant))
     at = place[anew]
     bend[at] = np.where(deeper[anew], there.gap[anew] - straight[at], np.minimum(there.gap[anew] - straight[at], 0.0))  # (1)
-    new = there.take(deeper & ~known)
+    new = there.take(deeper & ~known & ~_of_other_facets(met, there, positions))
     if isinstance(detection, ExactContacts):
         new = detection.rolled_back(new, positions, met.meeting.positions)
     new = brought_back(new, met.meeting.positions)
@@ -117,6 +118,14 @@ def looked_ahead(
     )
     same = len(again.contacts) == len(held) and np.array_equal(again.terms.w, met.terms.w)
     return None if same else again  # a law that does not ask for gaps
+
+
+def _of_other_facets(met: Encounter, there: Contacts, later: FloatArray) -> BoolArray:
+    """Which of the contacts `there`, at `later` (n_nodes, d) [m], are contacts with springs that have come to another facet: (nc,)."""
+    if met.compliance is None:
+        return np.zeros(len(there), dtype=bool)
+    meeting = met.meeting
+    return comes_after(meeting.contacts, meeting.positions, there, later, meeting.proportions)
 
 
 def borne_at_first(model: Model, detection: Detection, scheme: Scheme, met: Encounter, seen: Encounter | None = None) -> float:
@@ -161,7 +170,8 @@ def _came_together(model: Model, detection: Detection, scheme: Scheme, state: St
         found, ending = found.take(~_of_pairs(found, over)), np.concatenate([ending, over])
     if not len(found):
         left = _of_pairs(held, ending) & _left_behind(met, held, end)
-        there = there.take(_deep(met, there, end) | _of_pairs(there, np.sort(held.bodies[left], axis=1)))
+        wanted = _deep(met, there, end) | _of_pairs(there, np.sort(held.bodies[left], axis=1))
+        there = there.take(wanted & ~_of_other_facets(met, there, end))
         held = held.take(~left)
         found = there.take(~places(held.identity, there.identity)[1])
         if isinstance(detection, ExactContacts):
