@@ -45,6 +45,7 @@ class Encounter:
               `rolling_rows`
     passing   what the law leaves out and the bodies would go through within the step, see `passing`; None where there is nothing
     ending    (n, 2) pairs of bodies that a load step of statics carries over each other, held where they end it, see `look_ahead`
+    released  (n, 2) pairs of bodies of which contacts of the beginning were taken out, since they bore what had gone apart
     """
 
     contacts: Contacts
@@ -56,6 +57,7 @@ class Encounter:
     left: Contacts | None = None
     driven: Driven | None = None
     ending: IntArray = field(default_factory=lambda: np.empty((0, 2), dtype=np.int64))
+    released: IntArray = field(default_factory=lambda: np.empty((0, 2), dtype=np.int64))
 
     __repr__ = brief
 

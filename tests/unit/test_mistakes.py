@@ -32,6 +32,7 @@ from fcsim import (
     Support,
     SurfacePair,
     Theta,
+    Witness,
     build_model,
     contact_surface,
 )
@@ -68,6 +69,20 @@ def said(model: Model, detector: Any = None, scheme: Any = None, steps: int = 10
     """All remarks of the run of a model, a line each."""
     simulation = Simulation(model, detector or Everything(model, mu=0.5), scheme or Theta(h=1e-3), steps, SolverSettings(tol=1e-8), **given)
     return "\n".join(remark for step in simulation for remark in step.remarks)
+
+
+def chords() -> str:
+    """A quarter of a shaft of four facets, 1 mm too large for its hub of six, by facets' own normals."""
+    bodies = []
+    for name, inside, facets in (("hub", 1.0, 6), ("shaft", 0.501, 4)):
+        part = rectangle(name, (0.5, np.pi / 2), (2, facets), Material(1e9, 0.3, 1000.0), origin=(inside, 0.0))
+        r, angle = part.points.T
+        bodies.append(Body(name, replace(part, points=np.stack([r * np.cos(angle), r * np.sin(angle)], axis=1))))
+    symmetry = [Support(body.name, (axis,), side) for body in bodies for axis, side in (("y", "y-"), ("x", "y+"))]
+    model = build_model(bodies, supports=symmetry)
+    shaft, hub = contact_surface(model, [("shaft", "x+")]), contact_surface(model, [("hub", "x-")])
+    fit = Detector([SurfacePair(shaft, hub, 0.0, 1e-3, "nodes")], model.n_nodes)
+    return said(model, fit, QuasiStatic(1.0), steps=1, witness=Witness(initial="allow"))
 
 
 def forgotten_pair() -> str:
@@ -185,6 +200,7 @@ MISTAKES: Mapping[str, tuple[Callable[[], object], str]] = {
         "one number for 'block' and 'floor'",
     ),
     "Cells that are too stiff": (coarse, 'smaller cells, or "Q1-enhanced" or "Q2"'),
+    "A shaft in its hub, both of flat facets": (chords, 'normals="smooth" or candidates="mortar"'),
     "A rotation by an angle": (lambda: Body("block", block(), rotation=90), "Rotation.from_euler"),
     "An angle in degrees": (lambda: said(turning(), scheme=Theta(h=1e-2), steps=1), "Angles are in radians"),
     "A spring without a body": (spring, "expected one of 'block', 'floor'"),

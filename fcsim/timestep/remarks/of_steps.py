@@ -15,6 +15,7 @@ from fcsim.timestep.remarks.equilibria.snapping import Snapping
 from fcsim.timestep.remarks.lumped_inertia import LumpedInertia
 from fcsim.timestep.remarks.of_laws.carried_round import CarriedRound
 from fcsim.timestep.remarks.of_laws.rigid_joints import rigid_joints
+from fcsim.timestep.remarks.of_laws.rolled_on import RolledOn
 from fcsim.timestep.remarks.of_laws.struck_together import struck_together
 from fcsim.timestep.remarks.of_laws.turned_slip import turned_slip
 from fcsim.timestep.remarks.of_shapes.chords import Chords
@@ -28,6 +29,7 @@ class StepRemarks:
     def __init__(self, detection: Detection, steps: int) -> None:
         self._detection, self._steps, self._snapping, self._inertia = detection, steps, Snapping(), LumpedInertia()
         self._buckled, self._carried, self._chords = Buckled(), CarriedRound(), Chords(detection, steps)
+        self._rolled = RolledOn()
 
     def __call__(self, step: Step, found: Deformation, when: str, said: frozenset[str]) -> dict[str, str]:
         """Remarks by kind, of those kinds that are not among the `said`."""
@@ -43,6 +45,7 @@ class StepRemarks:
             | struck_together(step, when, said)
             | turned_slip(step, when, said)
             | rigid_joints(step, when, said)
+            | self._rolled(step, found, when, said)
             | self._carried(step, found, when, said)
             | self._chords(step, when, said)
         )

@@ -163,8 +163,14 @@ def _came_together(model: Model, detection: Detection, scheme: Scheme, state: St
     begin, end, held, meeting = met.meeting.positions, model.positions(after.x), met.meeting.contacts, met.meeting
     if not moves(met, end - begin):
         return None
+    there, released = detection(end), met.released
+    passed = _passed(met, there, end)
+    if passed.any():
+        released = np.concatenate([released, np.unique(np.sort(held.bodies[passed], axis=1), axis=0)])
+        again = under_law(model, scheme, state, held.take(~passed), begin, meeting.proportions, meeting.variables, trial=meeting.trial)
+        return replace(again, ending=met.ending, released=released)
     found, ending = _closed(met, _met_far(model, met, detection, end - begin), end), met.ending
-    found, there = found.take(~_of_pairs(found, ending)), detection(end)
+    found = found.take(~_of_pairs(found, ending))
     if len(found):
         over = _slid_over(met, found, there, detection, begin, end)
         found, ending = found.take(~_of_pairs(found, over)), np.concatenate([ending, over])
@@ -182,7 +188,27 @@ def _came_together(model: Model, detection: Detection, scheme: Scheme, state: St
     every = join([held, found])
     every = every.take(np.argsort(every.identity, kind="stable"))
     again = under_law(model, scheme, state, every, begin, meeting.proportions, meeting.variables, trial=meeting.trial)
-    return replace(again, ending=ending)
+    return replace(again, ending=ending, released=released)
+
+
+def _passed(met: Encounter, there: Contacts, end: FloatArray) -> BoolArray:
+    """Which contacts of the beginning (nc,) hold by its normals what has gone past them and is apart at positions `end` (n_nodes, d) [m],
+    where contacts `there` are: an edge that lay ahead within the alert distance would hold up a ball that slides on over it. They are taken
+    out once; should the bodies then go through each other, they are among what is met on the way. Bodies that touched and end beside each
+    other by normals that are the same but for `TURNED` have slid along a face."""
+    held = met.meeting.contacts
+    size = met.meeting.proportions.size_at(held)
+    passed = (brought_back(held, end).gap < BORNE * size) & _left_behind(met, held, end) & ~_of_pairs(held, met.released)
+    if not passed.any():
+        return passed
+    place, known = places(there.identity, held.identity)
+    pairs, number = np.unique(np.sort(np.concatenate([there.bodies, held.bodies]), axis=1), axis=0, return_inverse=True)
+    at_end, own = np.split(number.reshape(-1), [len(there)])
+    pushed = np.zeros((len(pairs), held.dimension))
+    np.add.at(pushed, at_end, _from_the_first(there))
+    along = np.einsum("nd,nd->n", pushed[own], _from_the_first(held)) > np.cos(TURNED) * np.linalg.norm(pushed[own], axis=1)
+    ahead = held.gap > BORNE * size
+    return np.asarray(passed & np.where(known, np.append(there.gap, 0.0)[place] > THROWN * size, ahead | ~along))
 
 
 def _slid_over(met: Encounter, way: Contacts, there: Contacts, detection: Detection, begin: FloatArray, end: FloatArray) -> IntArray:

@@ -179,14 +179,15 @@ def brought(start: tuple[float, float], height: float, steps: int) -> list[Step]
 
 
 @pytest.mark.parametrize("height", [1.49, 1.47])
-@pytest.mark.parametrize(("steps", "within"), [(1, 1e-3), (3, 1e-3), (4, 1e-3), (8, 0.05), (16, 0.07)])
+@pytest.mark.parametrize(("steps", "within"), [(1, 1e-3), (3, 1e-3), (4, 1e-3), (6, 0.05), (8, 0.05), (12, 0.05), (16, 0.07)])
 def test_a_ball_brought_over_the_edge_of_a_block_bears_where_it_ends(height: float, steps: int, within: float) -> None:
-    """Without friction it bears what it does when it is pressed on from above, not what the edge and the facets it passed would hold."""
+    """Without friction it bears what it does when it is pressed on from above, not what the edge and the facets it passed would hold, nor
+    the edge that lies ahead where a step begins (of 6 and 12 steps)."""
     above = brought((0.0, 1.6), height, 1)[-1].contact_force_on(1)
     assert above[2] > 1500.0
     over = brought((-4.0, height), height, steps)[-1]
     assert over.contact_force_on(1) == pytest.approx(above, abs=within * abs(above[2]))
-    assert over.penetration < 2e-3
+    assert over.penetration < 0.15 * (1.5 - height)
 
 
 @pytest.mark.parametrize(("height", "said"), [(1.49, True), (1.51, False)])

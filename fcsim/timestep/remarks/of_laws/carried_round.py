@@ -34,7 +34,7 @@ class CarriedRound:
         """The remark by its kind; {} where there is none, or where it is `said`."""
         if "carried round" in said or not step.scheme.timing.moving:
             return {}
-        if not _turned(step, found):
+        if not has_turned(step, found):
             self._borne = _NOTHING
             return {}
         pairs, crept, size = self._crept(step)
@@ -75,7 +75,8 @@ class CarriedRound:
         return pairs, np.where(alike, 0.5 * step.scheme.h * step.substeps * turned, 0.0), size
 
 
-def _turned(step: Step, found: Deformation) -> bool:
+def has_turned(step: Step, found: Deformation) -> bool:
+    """Whether a body has turned by more than `TURNED` from its reference."""
     model = step.model
     rigid = model.rigid_part(step.state.x)[:, model.dimension :] if len(model.rigid) else np.zeros((0, 1))
     return max(float(found.rotation.max(initial=0.0)), float(np.linalg.norm(rigid, axis=1).max(initial=0.0))) > TURNED
