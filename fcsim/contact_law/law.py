@@ -110,7 +110,7 @@ class Meeting:
     variables   of earlier steps; None in the first step, when nothing has been met yet
     proportions of the bodies
     bend (nc,) [m] by how much gaps change over the step beside length_per_u u_N, since bodies turn and feet move on; None = not at all, see
-    `fcsim.timestep.step_equation.look_ahead`
+    `fcsim.timestep.step_equation.look_ahead.ahead`
     trial       what an implicit law takes for the end of the step, see `Implicit`; None = it is asked for the first time
     """
 

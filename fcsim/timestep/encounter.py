@@ -44,7 +44,7 @@ class Encounter:
     moments   (n_dofs, 2 nc) contact matrix of rolling moments, (n_dofs, 3 nc) with spinning resistance; None without either, see
               `rolling_rows`
     passing   what the law leaves out and the bodies would go through within the step, see `passing`; None where there is nothing
-    ending    (n, 2) pairs of bodies that a load step of statics carries over each other, held where they end it, see `look_ahead`
+    ending    (n, 2) pairs of bodies that a load step of statics carries over each other, held where they end it, `look_ahead.load_steps`
     released  (n, 2) pairs of bodies of which contacts of the beginning were taken out, since they bore what had gone apart
     """
 

@@ -43,7 +43,7 @@ from fcsim.timestep.step_equation.closing import Closing
 from fcsim.timestep.step_equation.end_velocity import turning_impulse
 from fcsim.timestep.step_equation.equation import Answer, Equation, Past
 from fcsim.timestep.step_equation.linearisation import Linearisation, joined_nodes
-from fcsim.timestep.step_equation.look_ahead import ROUNDS, borne_at_first, looked_ahead
+from fcsim.timestep.step_equation.look_ahead.ahead import ROUNDS, borne_at_first, looked_ahead
 from fcsim.timestep.step_equation.penetration import at_end
 from fcsim.timestep.step_equation.sequence import solve_equation
 from fcsim.timestep.step_equation.settling import solve_settled

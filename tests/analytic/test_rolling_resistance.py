@@ -123,7 +123,7 @@ def test_a_box_tips_later(factor: float) -> None:
 def test_two_balls_roll_on_each_other_and_keep_their_momentum() -> None:
     """Without anything else, what contact does to one it does to the other: linear and angular momentum stay, energy falls.
 
-    Angular momentum as far as the balls touch: a step leaves gaps of 1e-5 of their size (`fcsim.timestep.step_equation.look_ahead`)."""
+    Angular momentum as far as the balls touch: a step leaves gaps of 1e-5 of their size (`look_ahead.ahead`)."""
     R = 0.1
     one, other = rigid_sphere("one", R, (0, 0, 0), 1.0), rigid_sphere("other", R, (0, 0, 2 * R), 3.0)
     model = build_model([one, other])

@@ -39,7 +39,8 @@ from fcsim.timestep.state import State
 from fcsim.timestep.step import Moment
 from fcsim.timestep.step_equation.equation import Answer, Equation, Past
 from fcsim.timestep.step_equation.linearisation import Linearisation
-from fcsim.timestep.step_equation.look_ahead import BORNE, ROUNDS, looked_ahead
+from fcsim.timestep.step_equation.look_ahead.ahead import ROUNDS, looked_ahead
+from fcsim.timestep.step_equation.look_ahead.lengths import BORNE
 from fcsim.timestep.theta import Theta
 
 

@@ -39,7 +39,7 @@ class Equation:
     unknowns; share: of the whole step that it is; linked: the rows of its links; bent (n_dofs, n_dofs): geometric stiffness of contact that
     is part of M, None = none; slanted (n_dofs, m): E of `leaning`, with the iterate v_i (n_dofs,) that it is of, None = none;
     summed: W where it is known, see `StepCompliance`; borne [m/s]: the residual that a contact may have where the step is to be solved
-    again, 0 = none but that of the settings, see `look_ahead.borne_at_first`
+    again, 0 = none but that of the settings, see `look_ahead.ahead.borne_at_first`
     """
 
     scheme: Scheme

@@ -15,7 +15,7 @@ from fcsim.timestep.chain import Attempt
 from fcsim.timestep.encounter import Encounter
 from fcsim.timestep.scheme import Scheme
 from fcsim.timestep.state import State
-from fcsim.timestep.step_equation.look_ahead import moves
+from fcsim.timestep.step_equation.look_ahead.lengths import moves
 from fcsim.timestep.step_equation.loops.lost_contacts import Lost, lost
 
 LOOKED_AT = 1e-6

@@ -35,7 +35,7 @@ from fcsim.timestep.reactions import reactions
 from fcsim.timestep.simulation import Simulation
 from fcsim.timestep.state import at_rest
 from fcsim.timestep.step import Step
-from fcsim.timestep.step_equation import look_ahead
+from fcsim.timestep.step_equation.look_ahead import ahead
 from fcsim.timestep.theta import Theta
 
 CASES = Path(__file__).parents[3] / "cases"
@@ -170,7 +170,7 @@ if __name__ == "__main__":
     # what ranks share out of large models only
     for module in (energy, node_to_segment, ranges, reactions):
         module.SHARED_FROM = 0
-    by_ranks.CONTACTS_FROM = by_ranks.NORMALS_FROM = look_ahead.DOFS_FROM = 0
+    by_ranks.CONTACTS_FROM = by_ranks.NORMALS_FROM = ahead.DOFS_FROM = 0
     with sharing() as ranks:
         assert ranks is not None
         found = {name: seen(SCENARIOS[name]) for name in SCENARIOS}

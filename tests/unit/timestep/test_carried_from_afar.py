@@ -22,7 +22,7 @@ from fcsim.timestep import QuasiStatic, Simulation, Theta
 from fcsim.timestep.limits import Limits
 from fcsim.timestep.scheme import Scheme
 from fcsim.timestep.step import Step
-from fcsim.timestep.step_equation import look_ahead
+from fcsim.timestep.step_equation.look_ahead import load_steps
 
 YOUNG, DEPTH, ALL = 1e8, 1e-3, ("x", "y", "z", "rx", "ry", "rz")
 
@@ -193,7 +193,7 @@ def test_a_ball_brought_over_the_edge_of_a_block_bears_where_it_ends(height: flo
 @pytest.mark.parametrize(("height", "said"), [(1.49, True), (1.51, False)])
 def test_a_ball_that_ends_in_a_block_is_named_where_it_bears_nothing(height: float, said: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     """Held by the edge that it met, it ends 1 cm in the top of a block in four steps; or passes 1 cm above it."""
-    monkeypatch.setattr(look_ahead, "_slid_over", lambda *_: np.empty((0, 2), dtype=np.int64))
+    monkeypatch.setattr(load_steps, "_slid_over", lambda *_: np.empty((0, 2), dtype=np.int64))
     run = brought((-4.0, height), height, 4)
     names = [text for step in run for text in step.remarks if "bear nothing" in text]
     assert len(names) == said and all("'block' and 'ball' end the load step 0.01 m" in text for text in names)

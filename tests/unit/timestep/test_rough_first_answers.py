@@ -9,7 +9,7 @@ from fcsim import Compliant, Everything, Gap, Simulation, SolverSettings, Spring
 from fcsim.assembly.layout import DIRECTIONS
 from fcsim.contact_law.law import Law
 from fcsim.mesh import rigid_box
-from fcsim.timestep.step_equation import look_ahead
+from fcsim.timestep.step_equation.look_ahead import ahead
 
 STEP = 2e-3
 SPRINGS = Compliant(Springs(normal=1e7, tangential=4e6, normal_damping=1e4, tangential_damping=4e3, each=True))
@@ -40,7 +40,7 @@ def test_the_last_answer_of_each_step_is_by_the_settings() -> None:
 def test_steps_meet_what_they_meet_with_fine_answers(monkeypatch: pytest.MonkeyPatch) -> None:
     """Contacts that lie about as deep as is borne, a micrometre, are met by the one run and not by the other; boxes move by centimetres."""
     rough = list(rocking(SPRINGS))
-    monkeypatch.setattr(look_ahead, "MEANT", 0.0)
+    monkeypatch.setattr(ahead, "MEANT", 0.0)
     fine = list(rocking(SPRINGS))
     assert all(attempt.tol <= 1e-9 for step in fine for attempt in step.attempts)
     for a, b in zip(rough, fine, strict=True):

@@ -15,7 +15,7 @@ from fcsim.contact_detection.surfaces.model_surfaces import bulges_of_surface
 from fcsim.contact_detection.surfaces.surface import ContactSurface
 from fcsim.timestep.remarks.coarse import looked_at
 from fcsim.timestep.step import Step
-from fcsim.timestep.step_equation.look_ahead import BORNE, places
+from fcsim.timestep.step_equation.look_ahead.lengths import BORNE, places
 
 NAMED = 0.05
 """Of how far the bodies are deformed: gaps that are wrong by more are named."""

@@ -10,7 +10,7 @@ from fcsim.contact_detection.sweep import brought_back
 from fcsim.errors import InputError
 from fcsim.timestep.encounter import Anew, Encounter
 from fcsim.timestep.step_equation.equation import Equation
-from fcsim.timestep.step_equation.look_ahead import places
+from fcsim.timestep.step_equation.look_ahead.lengths import places
 
 SETTLED = 1e-8
 """Of the smallest body: by how much less a contact may have moved from where it was meant."""

@@ -1,0 +1,1 @@
+"""Where a step would lead: contacts that it meets and gaps that bend, looked for at its end before it is believed."""

@@ -1,0 +1,49 @@
+"""What counts where a step leads: contacts by their numbers, lengths and turns of what moves."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fcsim.arrays import BoolArray, FloatArray, IntArray
+from fcsim.assembly.model import Model
+from fcsim.contact_detection.contacts import Contacts
+from fcsim.contact_law.handed_on import comes_after
+from fcsim.timestep.encounter import Encounter
+
+BORNE = 1e-5
+"""Of the smaller body's size: less overlap than this is left to the next step."""
+
+THROWN = 1e-3
+"""Of the smaller body's size: a contact that is carried farther than meant, since what bent it did not come about, is bent less."""
+
+
+def places(known: IntArray, wanted: IntArray) -> tuple[IntArray, BoolArray]:
+    """Where the numbers `wanted` stand among the ascending `known` ones, len(known) for those that do not, and which do."""
+    place = np.searchsorted(known, wanted)
+    there = np.append(known, -1)[place] == wanted
+    return np.where(there, place, len(known)), there
+
+
+def moves(met: Encounter, moved: FloatArray) -> bool:
+    """Whether nodes' displacements (n_nodes, d) [m] differ by a length that counts."""
+    smallest = float(met.meeting.proportions.size.min(initial=np.inf))
+    return bool(np.ptp(moved, axis=0).max(initial=0.0) > BORNE * smallest)
+
+
+def turns(model: Model, moved: FloatArray) -> FloatArray:
+    """The largest motion (nbodies,) [m] of a body's nodes beside their mean one, of their motions (n_nodes, d); of places half its size."""
+    own = np.diff(model.node_offset)
+    some, first = np.flatnonzero(own), model.node_offset[:-1][own > 0]
+    mean = np.add.reduceat(moved, first, axis=0) / own[some, None]
+    beside = np.abs(moved - np.repeat(mean, own[some], axis=0)).max(axis=1)
+    turns = np.zeros(len(own))
+    turns[some] = np.maximum.reduceat(beside, first)
+    return turns
+
+
+def of_other_facets(met: Encounter, there: Contacts, later: FloatArray) -> BoolArray:
+    """Which of the contacts `there`, at `later` (n_nodes, d) [m], are contacts with springs that have come to another facet: (nc,)."""
+    if met.compliance is None:
+        return np.zeros(len(there), dtype=bool)
+    meeting = met.meeting
+    return comes_after(meeting.contacts, meeting.positions, there, later, meeting.proportions)
