@@ -66,7 +66,7 @@ fi
 rm -f .venv/.installed .venv/.ready
 .venv/bin/python -m pip install --disable-pip-version-check -q --no-compile -c constraints.txt -e '.[fem,view,optimisation,masonry,dev]'
 # on all cores what pip compiles on one, in twenty seconds and more; packages may hold templates that are no Python
-.venv/bin/python -m compileall -q -j 0 .venv/lib >/dev/null || true
+.venv/bin/python -W ignore -m compileall -q -j 0 .venv/lib >/dev/null 2>&1 || true
 touch .venv/.installed
 .venv/bin/python -m fcsim doctor --quiet
 touch .venv/.ready
