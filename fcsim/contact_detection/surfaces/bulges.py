@@ -10,9 +10,9 @@ is the height of the surface over the facet, > 0 outwards: exact on paraboloids,
 reference and moves with the body: a point of a body is where the surface was, displaced as the shape functions say.
 
 The normals weigh corners by sin / (|a|^2 |b|^2) of their sides (2D: 1 / length), exact on spheres and circles with facets of any lengths.
-At the rim of a smooth patch they are carried on, mirrored at N from the facet's inner corners. Of B_kl and B_lk the smaller counts, none
-where they differ in sign, and facets that are more than `LONG` times as long as one beside them are flat: the straight part of what ends in
-a curve is none.
+At the rim of a smooth patch they are carried on along the facets' sides from inner corners, mirrored at the sides' middles. Of B_kl and
+B_lk the smaller counts, none where they differ in sign, and facets that are more than `LONG` times as long as one beside them are flat:
+the straight part of what ends in a curve is none.
 
 Sources: N. Max, Weights for computing vertex normals from facet normals, Journal of Graphics Tools 4, 1999; M. A. Puso and T. A. Laursen, A
 3D contact smoothing method using Gregory patches, IJNME 54, 2002 (what chords do to contact, and smooth surfaces in their place).
@@ -91,23 +91,38 @@ def _normals(vertex: IntArray, real: BoolArray, sides: IntArray, x: FloatArray, 
         rim = np.zeros(count, dtype=bool)
         rim[ends[times[edge] == 1]] = True
     n = _unit(_sums(vertex[real], corner[real], count))
-    return _carried_on(n, rim, vertex, real, normal)
+    return _carried_on(n, rim, vertex, real, (ahead, back), x)
 
 
-def _carried_on(n: FloatArray, rim: BoolArray, vertex: IntArray, real: BoolArray, normal: FloatArray) -> FloatArray:
-    """The normals with those at the rim carried on from the inner corners of their facets; where there are none (a strip of one cell), from
-    corners that more facets share."""
+def _carried_on(
+    n: FloatArray, rim: BoolArray, vertex: IntArray, real: BoolArray, beside: tuple[IntArray, IntArray], x: FloatArray
+) -> FloatArray:
+    """The normals with those at the rim carried on along the facets' sides from inner corners, then from those that have got theirs so;
+    where a facet has no inner corner (a strip of one cell), from corners that more facets share. beside (2, nf, k): each corner's next."""
     valence = np.bincount(vertex[real], minlength=len(n))
     within = real & ~rim[vertex]
     shared = real & (valence[vertex] > np.where(real, valence[vertex], valence.max()).min(axis=1)[:, None])
     inner = np.where(within.any(axis=1)[:, None], within, shared)
-    mean = _unit(np.einsum("fk,fkd->fd", inner, n[vertex]))
-    mirrored = 2.0 * np.einsum("fd,fd->f", normal, mean)[:, None] * normal - mean
-    outer = real & rim[vertex] & ~inner & inner.any(axis=1)[:, None]
-    facet = np.broadcast_to(np.arange(len(vertex))[:, None], vertex.shape)[outer]
-    carried = _sums(vertex[outer], mirrored[facet], len(n))
-    known = np.bincount(vertex[outer], minlength=len(n)) == np.where(rim, valence, -1)
-    return np.where(known[:, None], _unit(np.where(known[:, None], carried, n)), n)
+    left = rim.copy()
+    for _ in range(2):  # the corners of a patch lie beside its rim alone
+        outer = real & left[vertex] & ~inner
+        carried = np.zeros_like(x)
+        for next_to in beside:
+            from_inner = outer & np.take_along_axis(inner, next_to, axis=1)
+            own, side = (np.take_along_axis(values, next_to[:, :, None], axis=1) for values in (n[vertex], x))
+            carried += np.where(from_inner[:, :, None], _mirrored(own, x - side), 0.0)
+        outer &= carried.any(axis=2)
+        arrived = left & (np.bincount(vertex[outer], minlength=len(n)) == valence)
+        n = np.where(arrived[:, None], _unit(_sums(vertex[outer], _unit(carried[outer]), len(n))), n)
+        left &= ~arrived
+        inner |= real & arrived[vertex]
+    return n
+
+
+def _mirrored(n: FloatArray, side: FloatArray) -> FloatArray:
+    """Normals n (..., d) at one end of sides (..., d) as they are at the other: mirrored at the middle, exact on circles and spheres."""
+    square = np.maximum(np.einsum("...d,...d->...", side, side), 1e-300)
+    return np.asarray(n - 2.0 * (np.einsum("...d,...d->...", n, side) / square)[..., None] * side)
 
 
 def _uneven(vertex: IntArray, real: BoolArray, size: FloatArray) -> BoolArray:
@@ -125,4 +140,4 @@ def _sums(row: IntArray, values: FloatArray, count: int) -> FloatArray:
 
 
 def _unit(vectors: FloatArray) -> FloatArray:
-    return vectors / np.maximum(np.linalg.norm(vectors, axis=1), 1e-300)[:, None]
+    return vectors / np.maximum(np.linalg.norm(vectors, axis=-1), 1e-300)[..., None]
