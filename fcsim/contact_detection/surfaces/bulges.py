@@ -12,7 +12,7 @@ reference and moves with the body: a point of a body is where the surface was, d
 The normals weigh corners by sin / (|a|^2 |b|^2) of their sides (2D: 1 / length), exact on spheres and circles with facets of any lengths.
 At the rim of a smooth patch they are carried on along the facets' sides from inner corners, mirrored at the sides' middles. Of B_kl and
 B_lk the smaller counts, none where they differ in sign, and facets that are more than `LONG` times as long as one beside them are flat:
-the straight part of what ends in a curve is none.
+the straight part of what ends in a curve is none. Nor are two flat faces with a blunt edge between them, a ramp or a chamfer.
 
 Sources: N. Max, Weights for computing vertex normals from facet normals, Journal of Graphics Tools 4, 1999; M. A. Puso and T. A. Laursen, A
 3D contact smoothing method using Gregory patches, IJNME 54, 2002 (what chords do to contact, and smooth surfaces in their place).
@@ -26,6 +26,10 @@ from fcsim.arrays import BoolArray, FloatArray, IntArray
 
 LEVEL = 1e-9
 """Of a facet's size: less is round-off, and the facet is flat."""
+LEVEL_OF_NORMALS = 1e-6
+"""What normals of one flat face may differ by."""
+LEAST_NORMALS = 3
+"""Of a curve: two belong to a blunt edge between flat faces, a chamfer or a ramp."""
 LONG = 2.5
 """Times the size of a facet beside it: what is longer is no chord of the same curve."""
 
@@ -53,6 +57,7 @@ def bulges(
     alike = (B * back > 0) & real[:, :, None] & real[:, None]  # not of nan
     B = np.where(alike, np.where(np.abs(B) < np.abs(back), B, back), 0.0)
     B[np.abs(B) < LEVEL * size[:, None, None]] = 0.0
+    B[_edges_alone(normal, patch)] = 0.0
     return B if B.any() else None
 
 
@@ -72,6 +77,12 @@ def _bent(normal: FloatArray, patch: IntArray) -> bool:
     first = np.zeros(1 + patch.max(), dtype=np.int64)
     first[patch] = np.arange(len(patch))
     return bool((np.abs(normal - normal[first[patch]]) > LEVEL).any())
+
+
+def _edges_alone(normal: FloatArray, patch: IntArray) -> BoolArray:
+    """Which facets (nf,) are of patches that have two normals: flat faces on both sides of a blunt edge, no curve."""
+    different = np.unique(np.column_stack([patch, np.round(normal / LEVEL_OF_NORMALS)]), axis=0)
+    return np.asarray(np.bincount(different[:, 0].astype(np.int64), minlength=1 + patch.max())[patch] < LEAST_NORMALS)
 
 
 def _normals(vertex: IntArray, real: BoolArray, sides: IntArray, x: FloatArray, normal: FloatArray) -> FloatArray:

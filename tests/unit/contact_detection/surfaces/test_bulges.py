@@ -39,6 +39,19 @@ def test_chords_of_a_circle_have_its_sagitta(radius: float, hollow: bool) -> Non
     assert heights(found, np.arange(8), np.full((8, 2), 0.5)) == pytest.approx(np.sign(sagitta) * radius * (1 - np.cos(1 / 16)), rel=1e-12)
 
 
+@pytest.mark.parametrize("angle", [2.0, 10.0, 22.0])
+def test_two_flat_faces_with_a_blunt_edge_have_none(angle: float) -> None:
+    """A ramp after a floor, each of one facet or of several, of the same lengths: taken for chords of a circle 4 cm over one of a metre."""
+    along = np.deg2rad(angle)
+    for facets in ((1, 1), (1, 2), (3, 2)):
+        turned = np.repeat([0.0, along], facets)
+        points = np.vstack([np.zeros(2), np.cumsum(np.column_stack([np.cos(turned), np.sin(turned)]), axis=0)])
+        nodes = np.column_stack([np.arange(len(turned)), np.arange(1, len(turned) + 1)])
+        normal = np.column_stack([-np.sin(turned), np.cos(turned)])
+        one = np.ones(len(turned))
+        assert bulges(nodes, 2 * one.astype(int), points, normal, one, np.zeros(len(turned), np.int64)) is None
+
+
 def test_straight_ends_and_waves_have_none() -> None:
     """A straight part of as long facets beside an arc, one facet five times as long, and a zigzag: the facets are the surface."""
     angles = np.linspace(0.0, 0.5, 6)
