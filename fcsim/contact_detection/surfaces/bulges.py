@@ -12,7 +12,7 @@ reference and moves with the body: a point of a body is where the surface was, d
 The normals weigh corners by sin / (|a|^2 |b|^2) of their sides (2D: 1 / length), exact on spheres and circles with facets of any lengths.
 At the rim of a smooth patch they are carried on along the facets' sides from inner corners, mirrored at the sides' middles. Of B_kl and
 B_lk the smaller counts, none where they differ in sign, and facets that are more than `LONG` times as long as one beside them are flat:
-the straight part of what ends in a curve is none. Nor are two flat faces with a blunt edge between them, a ramp or a chamfer.
+the straight part of what ends in a curve is none. Nor are two or three flat faces beside blunt edges: a ramp, chamfers.
 
 Sources: N. Max, Weights for computing vertex normals from facet normals, Journal of Graphics Tools 4, 1999; M. A. Puso and T. A. Laursen, A
 3D contact smoothing method using Gregory patches, IJNME 54, 2002 (what chords do to contact, and smooth surfaces in their place).
@@ -28,19 +28,19 @@ LEVEL = 1e-9
 """Of a facet's size: less is round-off, and the facet is flat."""
 LEVEL_OF_NORMALS = 1e-6
 """What normals of one flat face may differ by."""
-LEAST_NORMALS = 3
-"""Of a curve: two belong to a blunt edge between flat faces, a chamfer or a ramp."""
+LEAST_NORMALS = 4
+"""Of a curve: two belong to a blunt edge between flat faces, a ramp, three to a face between two chamfers."""
 LONG = 2.5
 """Times the size of a facet beside it: what is longer is no chord of the same curve."""
 
 
 def bulges(
-    nodes: IntArray, sides: IntArray, points: FloatArray, normal: FloatArray, size: FloatArray, patch: IntArray
+    nodes: IntArray, sides: IntArray, points: FloatArray, normal: FloatArray, size: FloatArray, patch: IntArray, least: int = 0
 ) -> FloatArray | None:
     """Return B (nf, k, k) [m] of (1), symmetric, 0 on the diagonal and of flat facets; None where all are flat.
 
     nodes (nf, k), of which the first `sides` (nf,) count; points (n, d) [m]; normal (nf, d), size (nf,) [m] of the facets; patch (nf,): the
-    number of the smooth part of the surface that each facet is in.
+    number of the smooth part of the surface that each facet is in; least: different normals of a curve, `LEAST_NORMALS` where it is 0.
     """
     if not len(nodes) or not _bent(normal, patch):
         return None
@@ -57,7 +57,7 @@ def bulges(
     alike = (B * back > 0) & real[:, :, None] & real[:, None]  # not of nan
     B = np.where(alike, np.where(np.abs(B) < np.abs(back), B, back), 0.0)
     B[np.abs(B) < LEVEL * size[:, None, None]] = 0.0
-    B[_edges_alone(normal, patch)] = 0.0
+    B[_edges_alone(normal, patch, least or LEAST_NORMALS)] = 0.0
     return B if B.any() else None
 
 
@@ -79,10 +79,10 @@ def _bent(normal: FloatArray, patch: IntArray) -> bool:
     return bool((np.abs(normal - normal[first[patch]]) > LEVEL).any())
 
 
-def _edges_alone(normal: FloatArray, patch: IntArray) -> BoolArray:
-    """Which facets (nf,) are of patches that have two normals: flat faces on both sides of a blunt edge, no curve."""
+def _edges_alone(normal: FloatArray, patch: IntArray, least: int) -> BoolArray:
+    """Which facets (nf,) are of patches that have fewer than `least` normals: flat faces beside blunt edges, no curve."""
     different = np.unique(np.column_stack([patch, np.round(normal / LEVEL_OF_NORMALS)]), axis=0)
-    return np.asarray(np.bincount(different[:, 0].astype(np.int64), minlength=1 + patch.max())[patch] < LEAST_NORMALS)
+    return np.asarray(np.bincount(different[:, 0].astype(np.int64), minlength=1 + patch.max())[patch] < least)
 
 
 def _normals(vertex: IntArray, real: BoolArray, sides: IntArray, x: FloatArray, normal: FloatArray) -> FloatArray:

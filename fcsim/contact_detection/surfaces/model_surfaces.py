@@ -42,13 +42,13 @@ def contact_surface(model: Model, members: Iterable[tuple[str, str]]) -> Contact
     return replace(plain, bulge=bulges_of_surface(model, plain))
 
 
-def bulges_of_surface(model: Model, surface: ContactSurface, angle: float = float(np.arccos(ROUND))) -> FloatArray | None:
+def bulges_of_surface(model: Model, surface: ContactSurface, angle: float = float(np.arccos(ROUND)), least: int = 0) -> FloatArray | None:
     """How far a surface whose facets meet at less than `angle` [rad] bulges over them in the reference configuration, see `bulges`."""
     if not len(surface.facets):
         return None
     joined = contact_facets.join([surface])
     patch, shape = smooth_patches(joined, model.reference, angle)
-    return bulges(joined.closed, (joined.nodes >= 0).sum(axis=1), model.reference, shape.normal, shape.size, patch)
+    return bulges(joined.closed, (joined.nodes >= 0).sum(axis=1), model.reference, shape.normal, shape.size, patch, least)
 
 
 def _parents(model: Model, members: list[tuple[str, str]], facets: list[IntArray]) -> parents.Parents | None:

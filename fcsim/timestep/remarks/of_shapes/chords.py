@@ -116,7 +116,7 @@ def _smooth_pair(model: Model, pair: SurfacePair) -> SurfacePair:
     """The pair with surfaces that are curved over all edges of less than 45 degrees."""
 
     def of(surface: ContactSurface) -> ContactSurface:
-        return replace(surface, bulge=bulges_of_surface(model, surface, float(np.arccos(SMOOTH))))
+        return replace(surface, bulge=bulges_of_surface(model, surface, float(np.arccos(SMOOTH)), least=3))
 
     integral = pair.candidates in ("mortar", "mortar-faces", "segments")
     return replace(pair, slave=of(pair.slave), master=of(pair.master), normals="facet" if integral else "smooth")

@@ -40,11 +40,12 @@ def test_chords_of_a_circle_have_its_sagitta(radius: float, hollow: bool) -> Non
 
 
 @pytest.mark.parametrize("angle", [2.0, 10.0, 22.0])
-def test_two_flat_faces_with_a_blunt_edge_have_none(angle: float) -> None:
-    """A ramp after a floor, each of one facet or of several, of the same lengths: taken for chords of a circle 4 cm over one of a metre."""
+def test_flat_faces_with_blunt_edges_have_none(angle: float) -> None:
+    """A ramp after a floor, a face between two chamfers, each of one facet or of several, of the same lengths: taken for chords of a circle
+    a block lay 4 cm over a face of a metre."""
     along = np.deg2rad(angle)
-    for facets in ((1, 1), (1, 2), (3, 2)):
-        turned = np.repeat([0.0, along], facets)
+    for facets in ((1, 1, 0), (1, 2, 0), (3, 2, 0), (1, 1, 1), (2, 1, 2)):
+        turned = np.repeat([along, 0.0, -along], facets)
         points = np.vstack([np.zeros(2), np.cumsum(np.column_stack([np.cos(turned), np.sin(turned)]), axis=0)])
         nodes = np.column_stack([np.arange(len(turned)), np.arange(1, len(turned) + 1)])
         normal = np.column_stack([-np.sin(turned), np.cos(turned)])
