@@ -6,6 +6,7 @@ import numpy as np
 
 from fcsim.solvers.automatic.race import Race
 from fcsim.solvers.newton.systems._velocity_kernels import velocities_held
+from fcsim.solvers.newton.systems.choice import without_a_factor
 
 STICKING = 1e-6
 """Share of the friction cone next to its surface where a contact is not said to stick."""
@@ -88,3 +89,11 @@ def on_springs(race: Race) -> bool:
     """Whether joints between bodies of few velocities have stiffness, as between blocks: W is regular, whatever the contacts hold, and
     Newton's systems are solved in the bodies' velocities."""
     return race.joints is None and race.prices.in_velocities and regular(race)
+
+
+def newton_stays(race: Race) -> bool:
+    """Whether what Newton's systems are made of serves beyond its first iterations: where elastic bodies are in joints, and either a memory
+    keeps it for the next steps, or the bodies behind a large W are known, so that nothing of W is factored."""
+    if race.joints is None or race.prices.in_velocities:
+        return False
+    return race.monitor.memory is not None or without_a_factor(race.problem.delassus)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import scipy.sparse as sp
 
-from fcsim.solvers.automatic.closed import closed, on_springs, singular_here
+from fcsim.solvers.automatic.closed import closed, newton_stays, on_springs, singular_here
 from fcsim.solvers.automatic.expected import NEWTON
 from fcsim.solvers.automatic.race import Race
 
@@ -30,8 +30,9 @@ def _sweeps_are_cheap(race: Race) -> bool:
 
 def splitting_first(race: Race) -> bool:
     """ADMM and Newton from its iterate cost clearly less than Newton from afar: many bodies in joints, whose LU is dear. Not so of bodies
-    whose velocities are few: proximal Newton in these costs less than ADMM's own iterations, and ends what Newton begins."""
-    if race.joints is None or race.warm or not race.options.splitting:
+    whose velocities are few: proximal Newton in these costs less than ADMM's own iterations, and ends what Newton begins. Nor where
+    Newton's systems need no LU of W, or leave to the next steps what these would have to make else (`newton_stays`)."""
+    if race.joints is None or race.warm or not race.options.splitting or newton_stays(race):
         return False
     prices = race.prices
     if prices.in_velocities and NEWTON.far * prices.proximal(0) < prices.splitting(JOINTS_SHARE):

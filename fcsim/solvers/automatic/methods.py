@@ -10,7 +10,7 @@ import numpy as np
 from fcsim.arrays import FloatArray
 from fcsim.linear.block_rows import embed_vector
 from fcsim.problem.infeasible import certificate
-from fcsim.solvers.automatic.closed import edges, held_as_blocks, on_springs
+from fcsim.solvers.automatic.closed import edges, held_as_blocks, newton_stays, on_springs
 from fcsim.solvers.automatic.race import Race, ShareOfMonitor
 from fcsim.solvers.base import Iterate, Options, Status
 from fcsim.solvers.gauss_seidel._sweep_kernels import change_to_await
@@ -170,7 +170,7 @@ def conjugate_sweeps(race: Race, monitor: ShareOfMonitor, rows: ContactRows) -> 
 
 def newton(race: Race, monitor: ShareOfMonitor) -> Turns:
     """NSN-AC as long as every `patience` iterations bring a better iterate."""
-    return local_turns(race.problem, race.best_r(), monitor, newton_options(race), once=True)
+    return local_turns(race.problem, race.best_r(), monitor, newton_options(race), once=not newton_stays(race))
 
 
 def newton_options(race: Race) -> NewtonOptions:

@@ -1,4 +1,4 @@
-"""`auto` where ranks of MPI have W together: ADMM from zero until Newton is near, then Newton, both over ranks."""
+"""`auto` where ranks of MPI have W together: Newton, and where that fails from zero once more from where ADMM leads, all over ranks."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from fcsim.arrays import FloatArray
 from fcsim.problem import LocalProblem
 from fcsim.solvers.automatic.methods import COLD_RHO, NEWTON, SPLITTING_OF_JOINTS, WATCHED
-from fcsim.solvers.automatic.pause import paused, tried
+from fcsim.solvers.automatic.pause import FAILS, paused, tried
 from fcsim.solvers.automatic.race import RaceOptions, ShareOfMonitor
 from fcsim.solvers.base import Iterate, Monitor, Status
 from fcsim.solvers.newton.iterations import newton
@@ -29,22 +29,25 @@ def newton_over_ranks(options: RaceOptions, *, warm: bool) -> NewtonOptions:
 
 
 def automatic_over_ranks(problem: LocalProblem, r: FloatArray, monitor: Monitor, options: RaceOptions) -> Iterate:
-    """Solve the problem from r (m,), or get as near as these two do: what goes on then is a race on all of W. Where Newton fails on one
-    problem it is not tried on the next ones, see `Pause`."""
+    """Solve the problem from r (m,), or get as near as these do: what goes on then is a race on all of W. Newton's systems need no factor
+    of W, which ADMM makes. Where Newton fails on one problem it is not tried on the next ones, see `Pause`."""
     if monitor.record(r, problem.delassus.affine(r, problem.q)) <= monitor.tol:
         return Iterate(r, Status.SOLVED)
     if paused(monitor):
         return Iterate(r, Status.STAGNATED)
-    if not r.any() and options.splitting and "ADMM" not in options.without:
-        iterate = _split(problem, monitor)
-        if iterate.status in (Status.SOLVED, Status.TIME_LIMIT):
-            return iterate
-    begin = r if monitor.best_r is None else monitor.best_r
-    if not options.patience or "Newton" in options.without:
-        return Iterate(begin, Status.STAGNATED)
-    iterate = newton(problem, begin, monitor, newton_over_ranks(options, warm=bool(r.any())))
-    tried(monitor, iterate.status)
-    return iterate
+    ended, warm = Iterate(r, Status.STAGNATED), bool(r.any())
+    by_newton = options.patience > 0 and "Newton" not in options.without
+    if by_newton:
+        ended = newton(problem, r, monitor, newton_over_ranks(options, warm=warm))
+    afar = ended.status in FAILS and not warm and monitor.best > NEAR
+    if afar and options.splitting and "splitting" not in options.without:
+        ended = _split(problem, monitor)
+        if ended.status not in (Status.SOLVED, Status.TIME_LIMIT) and by_newton:
+            begin = r if monitor.best_r is None else monitor.best_r
+            ended = newton(problem, begin, monitor, newton_over_ranks(options, warm=False))
+    if by_newton:
+        tried(monitor, ended.status)
+    return ended
 
 
 def _split(problem: LocalProblem, monitor: Monitor) -> Iterate:

@@ -77,11 +77,15 @@ def _regular(operator: Delassus) -> bool:
     return operator.motion is not None and operator.motion.regular
 
 
+def without_a_factor(operator: Delassus) -> bool:
+    """Whether bodies in joints are known behind a W so large that its systems are solved by two levels, without a factor of it."""
+    return operator.shares is not None and operator.size >= TWO_LEVEL_FROM
+
+
 def _fitting(operator: Delassus, condensing: bool, *, keeps: bool, once: bool) -> str:
     """The name of what serves an operator so stored."""
     if operator.elimination == "sparse":
         return "sparse"
     if operator.elimination == "fronts":
-        whole = operator.shares is None or operator.size < TWO_LEVEL_FROM
-        return "condensed" if condensing and (keeps or not whole) else "multifrontal"
+        return "condensed" if condensing and (keeps or without_a_factor(operator)) else "multifrontal"
     return "condensed" if condensing and operator.size > (ONCE_WHOLE if once else WHOLE) else "dense"

@@ -73,6 +73,8 @@ class State:
     sparse: bool = False
     points: float = 4.0
     regular: bool = False
+    keeps: bool = False
+    shares: object = None
     runners: dict[str, Shown] = field(default_factory=dict)
 
     @property
@@ -82,7 +84,8 @@ class State:
     @property
     def problem(self) -> Any:
         W = sp.csr_array(np.eye(1)) if self.sparse else np.eye(1)
-        return SimpleNamespace(nc=self.nc, dimension=self.dimension, m=self.nc * self.dimension, W=W)
+        delassus = SimpleNamespace(shares=self.shares, size=self.nc * self.dimension)
+        return SimpleNamespace(nc=self.nc, dimension=self.dimension, m=self.nc * self.dimension, W=W, delassus=delassus)
 
     @property
     def prices(self) -> Any:
@@ -103,7 +106,7 @@ class State:
 
     @property
     def monitor(self) -> Any:
-        return SimpleNamespace(tol=self.tol)
+        return SimpleNamespace(tol=self.tol, memory=object() if self.keeps else None)
 
     def best_r(self) -> np.ndarray:
         return np.ones(self.nc * self.dimension)
