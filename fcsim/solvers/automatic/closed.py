@@ -92,8 +92,8 @@ def on_springs(race: Race) -> bool:
 
 
 def newton_stays(race: Race) -> bool:
-    """Whether what Newton's systems are made of serves beyond its first iterations: where elastic bodies are in joints, and either a memory
-    keeps it for the next steps, or the bodies behind a large W are known, so that nothing of W is factored."""
-    if race.joints is None or race.prices.in_velocities:
+    """Whether what Newton's systems are made of serves beyond its first iterations: where bodies' velocities are many and a memory keeps it
+    for the next steps, or the bodies behind a large W in joints are known, so that nothing of W is factored."""
+    if race.prices.in_velocities:
         return False
-    return race.monitor.memory is not None or without_a_factor(race.problem.delassus)
+    return race.monitor.memory is not None or (race.joints is not None and without_a_factor(race.problem.delassus))

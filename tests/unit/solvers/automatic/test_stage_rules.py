@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from fcsim.solvers.automatic import first, methods, stages
+from fcsim.solvers.automatic import closed, first, methods, stages
 from fcsim.solvers.automatic.race import LITTLE, Stage
 from tests.unit.solvers.automatic.states import (
     AFAR,
@@ -104,6 +104,15 @@ def test_in_joints_admm_is_first_where_newton_is_dear(changes: dict[str, Any], i
         assert stage("Newton").enters(race) is not is_first
         race.runners["splitting"] = Shown(result=ENDED)
         assert stage("Newton").enters(race) and stage("sweeps").enters(race)
+
+
+@pytest.mark.parametrize(
+    ("changes", "stays"),
+    [({"keeps": True}, True), ({"keeps": True, "in_velocities": True}, False), ({}, False), ({"shares": object(), "nc": 6667}, False)],
+)
+def test_newton_keeps_its_systems_for_the_next_steps(changes: dict[str, Any], stays: bool) -> None:
+    """Of bodies with many velocities; without a memory only in joints (above)."""
+    assert closed.newton_stays(state(**{"in_velocities": False, **changes})) is stays
 
 
 @pytest.mark.parametrize(
