@@ -21,9 +21,9 @@ from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.contact_detection.surfaces.ragged import of_same_key
 
 AGREE = 1.0 / 3.0
-"""Of the larger curvature: two of a curve differ by no more; by half where an arc runs into a straight part, its facets as long as chords."""
+"""Of the larger curvature: two of a curve differ by no more; where an arc runs into a straight part of as long facets by half."""
 NOISE, SLIGHT = 0.5, 0.1
-"""Of the largest curvature at two vertices: along sides bent by less, facets' shapes leave it uncertain by `AGREE` of that; good as flat."""
+"""Of the largest curvature at two vertices: along sides bent by less, facets' shapes leave it uncertain by so much; as good as flat."""
 STRAIGHT = -0.5
 """Cosine between sides that go on along each other, at most."""
 
