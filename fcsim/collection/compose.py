@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from fcsim.collection.build import Progress, build_collection
-from fcsim.collection.folder import refuse_folder, refuse_kinds
+from fcsim.collection.folder import naming, refuse_folder, refuse_kinds
 from fcsim.collection.select import Made, Selection, select_problems
 from fcsim.errors import InputError
 from fcsim.linear.storage import SUM_UP_TO
@@ -86,7 +86,7 @@ def compose_collection(
     number = asked.count if count is None else count
     notes: list[str] = []
     complete = True
-    with tempfile.TemporaryDirectory(prefix=f".{out.name}.runs.", dir=out.resolve().parent) as work:
+    with naming(out.resolve()), tempfile.TemporaryDirectory(prefix=f".{out.name}.runs.", dir=out.resolve().parent) as work:
         for k, source in enumerate(asked.sources, 1):
             case = path.parent / source.case
             built = build_collection(

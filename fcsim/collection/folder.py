@@ -36,17 +36,32 @@ def whole_folder(path: Path, overwrite: bool = False) -> Iterator[Path]:
     _remove_abandoned(path)
     if _at_work(path):
         raise InputError(f"{path}: another fcsim collection is making it; wait for its end, or choose another folder")
-    temporary = Path(tempfile.mkdtemp(prefix=f".{path.name}.", suffix=PARTIAL, dir=path.parent))
-    temporary.chmod(0o777 & ~_umask())  # mkdtemp lets nobody else in
+    with naming(path):
+        temporary = Path(tempfile.mkdtemp(prefix=f".{path.name}.", suffix=PARTIAL, dir=path.parent))
+        temporary.chmod(0o777 & ~_umask())  # mkdtemp lets nobody else in
+        try:
+            with alone_in(temporary, "fcsim collection"):
+                yield temporary
+                refuse_folder(path, overwrite)
+                if path.exists():
+                    _remove_collection(path)
+                temporary.rename(path)
+        finally:
+            shutil.rmtree(temporary, ignore_errors=True)
+
+
+@contextmanager
+def naming(path: Path) -> Iterator[None]:
+    """Errors of the system about temporary folders beside `path` that are made for it name `path`: theirs tell nobody anything."""
     try:
-        with alone_in(temporary, "fcsim collection"):
-            yield temporary
-            refuse_folder(path, overwrite)
-            if path.exists():
-                _remove_collection(path)
-            temporary.rename(path)
-    finally:
-        shutil.rmtree(temporary, ignore_errors=True)
+        yield
+    except OSError as error:
+        beside = path.absolute().parent
+        if isinstance(error.filename, str) and Path(error.filename).is_relative_to(beside):
+            own = Path(error.filename).relative_to(beside).parts
+            if own and own[0].startswith(f".{path.name}."):
+                error.filename = str(path)
+        raise
 
 
 PARTIAL = ".fcsim-collection.partial"
@@ -106,6 +121,9 @@ def refuse_folder(path: Path, overwrite: bool, source: Path | None = None) -> No
         raise InputError(f"{path}: expected a folder apart from {source}, which the collection is made from")
     if path.exists() and not path.is_dir():
         raise InputError(f"{path}: expected a new folder for the collection, found a file")
+    around = next(folder for folder in resolved(path).parents if folder.exists())
+    if around.is_dir() and not os.access(around, os.W_OK | os.X_OK):
+        raise InputError(f"{path}: expected a folder that can be written to, {around} cannot")
     if not path.exists() or not any(path.iterdir()):
         return
     found = {(Path(folder, name)).relative_to(path).as_posix() for folder, _, names in os.walk(path) for name in names}

@@ -74,12 +74,14 @@ def _solve(options: argparse.Namespace) -> int:
     solved: Callable[..., Result] = solve  # which checks the overrides
     limits = {"tol": options.tol, "error": options.error, "floor": options.floor, "time_limit": options.time_limit}
     result = solved(problem, options.solver, start, **limits, **overrides)
-    if options.write_solution is not None:
-        _write(options.write_solution, content, problem, result)
     if options.json:
         say(json.dumps(_answer(options, content, problem, result), indent=1, allow_nan=False))
     else:
         _print_answer(options, content, problem, result)
+    if options.write_solution is not None:  # last: the answer is known, whether or not the disk takes it
+        _write(options.write_solution, content, problem, result)
+        if not options.json:
+            say(f"written: {options.write_solution}")
     return EXIT_OK if result.solved else EXIT_NOT_CONVERGED
 
 
@@ -181,5 +183,3 @@ def _print_answer(options: argparse.Namespace, content: FclibFile, problem: Prob
     say("checks:  " + ", ".join(f"{name.replace('_', ' ')} {value:.1e}" for name, value in finite.items()))
     for remark in odd_matrices(problem):
         say(f"note: {remark}")
-    if options.write_solution is not None:
-        say(f"written: {options.write_solution}")

@@ -17,7 +17,7 @@ import numpy as np
 
 from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.contact_detection.contacts import Contacts
-from fcsim.contact_detection.exact.ragged import of_same_key
+from fcsim.contact_detection.surfaces.ragged import of_same_key
 from fcsim.contact_law.law import Meeting, Outcome, Remembered, Variables
 from fcsim.contact_law.proportions import Proportions
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import math
+import time
 from typing import TYPE_CHECKING
 
 from fcsim.command_line.masonry.arguments import stone
@@ -16,6 +17,8 @@ if TYPE_CHECKING:
 
 RESOLUTION = 0.005
 """Of the multiplier in trials, as a share of it."""
+_SILENT = 10.0
+"""[s] after which a push by displacement says where it is, a step that is taken again too."""
 
 
 def shake_ground(options: argparse.Namespace, problem: MasonryProblem) -> int:
@@ -77,11 +80,21 @@ def push_by_displacement(options: argparse.Namespace, problem: MasonryProblem) -
     by = options.step or pushes.default_step(problem)
     end = options.to or pushes.default_end(problem)
     with Bar("displacement") as bar:
+        told, began = time.monotonic(), False
+
+        def tell(text: str) -> None:
+            nonlocal told
+            if not began or time.monotonic() > told + _SILENT:
+                told = time.monotonic()
+                bar.say(text)
 
         def watch(displacement: float, multiplier: float) -> None:
-            bar.update(round(displacement / by), round(end / by), f"{1e3 * displacement:.4g} mm, multiplier {multiplier:.4g}")
+            nonlocal began
+            began, text = True, f"{1e3 * displacement:.4g} mm, multiplier {multiplier:.4g}"
+            bar.update(round(displacement / by), round(end / by), text)
+            tell(text)
 
-        branch = pushes.push_by_displacement(problem, step=options.step, to=options.to, watch=watch)
+        branch = pushes.push_by_displacement(problem, step=options.step, to=options.to, watch=watch, tell=tell)
     name = problem.title or problem.name
     if options.out is not None:
         from fcsim.view.branch import draw_branch

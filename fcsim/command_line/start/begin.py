@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import shlex
+from contextlib import suppress
 from pathlib import Path
 
 from fcsim.command_line.answers import answer
@@ -42,10 +43,16 @@ def write_case(folder: Path) -> Path:
     script = folder / f"{name}.py"
     if script.exists():
         raise InputError(f"{script}: expected a name that is not taken, found a file")
+    made = [place for place in (folder, *folder.parents) if not place.exists()]
     try:
         folder.mkdir(parents=True, exist_ok=True)
+        with replacing(script) as temporary:
+            temporary.write_text(TEMPLATE.read_text(encoding="utf-8").replace("NAME", name), encoding="utf-8")
     except FileExistsError:
         raise InputError(f"{folder}: expected a folder or nothing there, found a file") from None
-    with replacing(script) as temporary:
-        temporary.write_text(TEMPLATE.read_text(encoding="utf-8").replace("NAME", name), encoding="utf-8")
+    except OSError:  # a full disk
+        for place in made:
+            with suppress(OSError):
+                place.rmdir()
+        raise
     return script

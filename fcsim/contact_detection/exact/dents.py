@@ -13,9 +13,9 @@ import numpy as np
 
 from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.contact_detection.exact.mesh_skin import MeshSkin, normals
-from fcsim.contact_detection.exact.ragged import each_of
 from fcsim.contact_detection.exact.solids import Placed, Touch
 from fcsim.contact_detection.surfaces.broad_phase import near_pairs
+from fcsim.contact_detection.surfaces.ragged import each_of
 
 FINE = 0.1  # of the radius: vertices all of whose facets are no longer touch
 _SAG = 0.01  # of the height of a round body over a chord: vertices so near touch, and the facets around them are dented

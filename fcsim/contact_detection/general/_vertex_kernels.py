@@ -19,6 +19,7 @@ _SAME_PLANE = 1.0 - 1e-10  # cosine
 _RIMS = 16
 _TIGHT = 1e-5  # of half a facet: what overlaps a face by more lies on its rim only where it is as near to that
 _OPPOSITE, _ACROSS = -0.9, 1e-3  # cosine of faces that look opposite ways; of a way out: nearer to the far face than this, it leads across
+_ROUND_IT = 0.5  # cosine: the way to a smooth edge that is nearest leaves it no farther from its mean normal, in or out
 _ROLL = 10.0  # nearer to an edge than this times `near`, the direction from it is round-off: its mean normal is taken
 
 
@@ -256,10 +257,12 @@ def touched_facets(
         elif where >= EDGE:
             rolls = s.smooth[s.facet_edges[f, where - EDGE]]
         if rolls and (best < 0 or distance[closest] < abs(height[best]) - tol):
-            direction = outward
+            direction, leaves = outward, True
             if distance[closest] > _ROLL * tol:
-                direction = times((1.0 if dot(arm, outward) > 0.0 else -1.0) / distance[closest], arm)
-            if _facing(v, direction, s) > FACING:
+                rise = dot(arm, outward)
+                leaves = abs(rise) >= _ROUND_IT * distance[closest]  # else that edge is nearest since the facets next to it are left out
+                direction = times((1.0 if rise > 0.0 else -1.0) / distance[closest], arm)
+            if leaves and _facing(v, direction, s) > FACING:
                 chosen[n_chosen], gap[n_chosen] = closest, dot(arm, direction)
                 N[n_chosen, 0], N[n_chosen, 1], N[n_chosen, 2] = direction
                 n_chosen += 1

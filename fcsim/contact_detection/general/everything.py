@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from copy import copy
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -26,7 +27,7 @@ from fcsim.contact_detection.skin.boundary import boundary_of
 from fcsim.contact_detection.skin.closed_skin import closed_skin
 from fcsim.contact_detection.skin.shape import shape_of
 from fcsim.contact_detection.skin.skin import Shape, Skin
-from fcsim.contact_detection.surfaces.bulges import highest
+from fcsim.contact_detection.surfaces.bulges import bulges_of_all_edges, highest
 from fcsim.contact_detection.sweep import samples, with_swept
 from fcsim.errors import InputError
 from fcsim.mesh.part import Body
@@ -109,6 +110,17 @@ class Everything:
         values["lengths"] = _lengths(skin, reference, len(model.deformable), self.alert, bulge)
         for name, value in values.items():
             object.__setattr__(self, name, value)
+
+    def with_all_chords(self) -> Everything:
+        """The same with all facets that meet at less than 45 degrees taken for chords of curves, see `bulges_of_all_edges`."""
+        skin, every = self.skin, np.ones(self.skin.n_bodies, dtype=bool)
+        other = copy(self)
+        bulge = bulges_of_skin(skin, self._reference, every, skin.side, bulges_of_all_edges)
+        lengths = _lengths(skin, self._reference, len(self.model.deformable), self.alert, bulge)
+        values: dict[str, object] = {"smoothed_bodies": every, "patches": skin.side, "bulge": bulge, "lengths": lengths, "_latest": []}
+        for name, value in values.items():
+            object.__setattr__(other, name, value)
+        return other
 
     @property
     def n_nodes(self) -> int:

@@ -12,6 +12,8 @@ nothing is smoothed. What truly rolls takes exact shapes (`fcsim.contact_detecti
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from fcsim.arrays import BoolArray, FloatArray, IntArray
@@ -40,12 +42,14 @@ def smoothed(skin: Skin, shape: Shape, found: VertexContacts, curved: BoolArray,
     return found._replace(normal=along, gap=gap)
 
 
-def bulges_of_skin(skin: Skin, reference: Shape, curved: BoolArray, patch: IntArray) -> FloatArray | None:
-    """`bulges` (nf, 4, 4) [m] of the bodies (nb,) that are curved, by their patches (nf,); None where all is flat."""
+def bulges_of_skin(
+    skin: Skin, reference: Shape, curved: BoolArray, patch: IntArray, of: Callable[..., FloatArray | None] = bulges
+) -> FloatArray | None:
+    """`bulges` (nf, 4, 4) [m], or a rule like it, of the bodies (nb,) that are curved, by their patches (nf,); None where all is flat."""
     own = np.flatnonzero(curved[skin.facet_body])
     width, d = (2, 2) if skin.dimension == 2 else (4, 3)
     shape = reference.point[:, :d], reference.normal[own, :d], reference.size[own]
-    found = bulges(skin.facets[own, :width], skin.sides[own], *shape, patch[own])
+    found = of(skin.facets[own, :width], skin.sides[own], *shape, patch[own])
     if found is None:
         return None
     every = np.zeros((len(skin.facets), 4, 4))

@@ -12,7 +12,8 @@ reference and moves with the body: a point of a body is where the surface was, d
 The normals weigh corners by sin / (|a|^2 |b|^2) of their sides (2D: 1 / length), exact on spheres and circles with facets of any lengths.
 At the rim of a smooth patch they are carried on along the facets' sides from inner corners, mirrored at the sides' middles. Of B_kl and
 B_lk the smaller counts, none where they differ in sign, and facets that are more than `LONG` times as long as one beside them are flat:
-the straight part of what ends in a curve is none. Nor are two or three flat faces beside blunt edges: a ramp, chamfers.
+the straight part of what ends in a curve is none. Nor is what is no curve evidently (`evident_curves`): a ramp, chamfers; `bulges` has none
+there, `bulges_of_all_edges` has them wherever three normals are.
 
 Sources: N. Max, Weights for computing vertex normals from facet normals, Journal of Graphics Tools 4, 1999; M. A. Puso and T. A. Laursen, A
 3D contact smoothing method using Gregory patches, IJNME 54, 2002 (what chords do to contact, and smooth surfaces in their place).
@@ -23,42 +24,92 @@ from __future__ import annotations
 import numpy as np
 
 from fcsim.arrays import BoolArray, FloatArray, IntArray
+from fcsim.contact_detection.surfaces.evident_curves import evident_sides
 
 LEVEL = 1e-9
 """Of a facet's size: less is round-off, and the facet is flat."""
 LEVEL_OF_NORMALS = 1e-6
 """What normals of one flat face may differ by."""
-LEAST_NORMALS = 4
-"""Of a curve: two belong to a blunt edge between flat faces, a ramp, three to a face between two chamfers."""
+SLIGHTLY = 0.05
+"""Of the largest of a facet."""
 LONG = 2.5
 """Times the size of a facet beside it: what is longer is no chord of the same curve."""
 
 
 def bulges(
-    nodes: IntArray, sides: IntArray, points: FloatArray, normal: FloatArray, size: FloatArray, patch: IntArray, least: int = 0
+    nodes: IntArray, sides: IntArray, points: FloatArray, normal: FloatArray, size: FloatArray, patch: IntArray
 ) -> FloatArray | None:
-    """Return B (nf, k, k) [m] of (1), symmetric, 0 on the diagonal and of flat facets; None where all are flat.
+    """Return B (nf, k, k) [m] of (1) of evident curves, symmetric, 0 on the diagonal and of flat facets; None where all are flat.
 
     nodes (nf, k), of which the first `sides` (nf,) count; points (n, d) [m]; normal (nf, d), size (nf,) [m] of the facets; patch (nf,): the
-    number of the smooth part of the surface that each facet is in; least: different normals of a curve, `LEAST_NORMALS` where it is 0.
+    number of the smooth part of the surface that each facet is in.
     """
     if not len(nodes) or not _bent(normal, patch):
         return None
+    B, curved = _both_ways(nodes, sides, points, normal, size, patch)
+    return _smaller(_of_curves(B, sides, *curved), sides, size)
+
+
+def bulges_of_all_edges(
+    nodes: IntArray, sides: IntArray, points: FloatArray, normal: FloatArray, size: FloatArray, patch: IntArray
+) -> FloatArray | None:
+    """The same of a surface all of whose blunt edges are those of chords, but where two flat faces meet in one."""
+    if not len(nodes) or not _bent(normal, patch):
+        return None
+    B, _ = _both_ways(nodes, sides, points, normal, size, patch)
+    B[_edges_alone(normal, patch)] = 0.0
+    return _smaller(B, sides, size)
+
+
+def _both_ways(
+    nodes: IntArray, sides: IntArray, points: FloatArray, normal: FloatArray, size: FloatArray, patch: IntArray
+) -> tuple[FloatArray, tuple[IntArray, IntArray, BoolArray]]:
+    """B_kl (nf, k, k) [m] by the normal at k alone, nan where that is unknown; and the sides (facet, corner) with whether they belong to
+    evident curves, by the normals as they are at the rim."""
     real = np.arange(nodes.shape[1]) < sides[:, None]
     vertex = np.zeros_like(nodes)
     vertex[real] = np.unique((nodes * (1 + patch.max()) + patch[:, None])[real], return_inverse=True)[1]
     x = points[nodes]
-    n = _normals(vertex, real, sides, x, normal)
-    n[_uneven(vertex, real, size)] = np.nan
+    means, n = _normals(vertex, real, sides, x, normal)
+    uneven = _uneven(vertex, real, size)
+    means[uneven] = n[uneven] = np.nan
     own = n[vertex]
     towards = np.einsum("fkd,fkld->fkl", own, x[:, :, None] - x[:, None])
     B = towards / (1.0 + np.einsum("fkd,fd->fk", own, normal))[:, :, None]
+    f, at = np.nonzero(real if x.shape[2] == 3 else real[:, :1])
+    to = (at + 1) % sides[f]
+    return B, (f, at, evident_sides(vertex[f, at], vertex[f, to], x[f, to] - x[f, at], means))
+
+
+def _smaller(B: FloatArray, sides: IntArray, size: FloatArray) -> FloatArray | None:
+    """The smaller of B_kl and B_lk, 0 where they differ in sign, are unknown, or round-off; None where all are 0."""
+    real = np.arange(B.shape[1]) < sides[:, None]
     back = B.transpose(0, 2, 1)
     alike = (B * back > 0) & real[:, :, None] & real[:, None]  # not of nan
     B = np.where(alike, np.where(np.abs(B) < np.abs(back), B, back), 0.0)
     B[np.abs(B) < LEVEL * size[:, None, None]] = 0.0
-    B[_edges_alone(normal, patch, least or LEAST_NORMALS)] = 0.0
     return B if B.any() else None
+
+
+def _of_curves(B: FloatArray, sides: IntArray, f: IntArray, at: IntArray, evident: BoolArray) -> FloatArray:
+    """B with 0 along sides (f, at) of no evident curve, but where all others of a triangle are of one, or as good as flat (`SLIGHTLY`);
+    along the diagonals of a quadrilateral with a bent side that is of none what the others say of a surface without twist."""
+    to = (at + 1) % sides[f]
+    own = np.maximum(np.abs(B[f, at, to]), np.abs(B[f, to, at]))
+    flat = own <= SLIGHTLY * np.nanmax(np.abs(B), axis=(1, 2), initial=0.0)[f]
+    without = np.bincount(f[~(evident | flat)], minlength=len(B))[f]
+    some = np.bincount(f[evident & ~flat], minlength=len(B))[f] > 0
+    none = ~evident & ~((sides[f] == 3) & some & (without <= 1))
+    B = B.copy()
+    B[f[none], at[none], to[none]] = B[f[none], to[none], at[none]] = 0.0
+    four = np.unique(f[none & ~flat & (sides[f] == 4)])
+    if len(four):
+        least = _smaller(B[four], sides[four], np.zeros(len(four)))
+        known = np.zeros_like(B[four]) if least is None else least
+        across = 0.5 * (known[:, 0, 1] + known[:, 2, 3] + known[:, 1, 2] + known[:, 3, 0])
+        for one, other in ((0, 2), (1, 3)):
+            B[four, one, other] = B[four, other, one] = across
+    return B
 
 
 def heights(bulge: FloatArray, facet: IntArray, weights: FloatArray) -> FloatArray:
@@ -79,14 +130,15 @@ def _bent(normal: FloatArray, patch: IntArray) -> bool:
     return bool((np.abs(normal - normal[first[patch]]) > LEVEL).any())
 
 
-def _edges_alone(normal: FloatArray, patch: IntArray, least: int) -> BoolArray:
-    """Which facets (nf,) are of patches that have fewer than `least` normals: flat faces beside blunt edges, no curve."""
+def _edges_alone(normal: FloatArray, patch: IntArray) -> BoolArray:
+    """Which facets (nf,) are of patches that have two normals: flat faces on both sides of a blunt edge, no curve."""
     different = np.unique(np.column_stack([patch, np.round(normal / LEVEL_OF_NORMALS)]), axis=0)
-    return np.asarray(np.bincount(different[:, 0].astype(np.int64), minlength=1 + patch.max())[patch] < least)
+    return np.asarray(np.bincount(different[:, 0].astype(np.int64), minlength=1 + patch.max())[patch] < 3)
 
 
-def _normals(vertex: IntArray, real: BoolArray, sides: IntArray, x: FloatArray, normal: FloatArray) -> FloatArray:
-    """Unit normals (nv, d) of the surface at the vertices; vertex (nf, k), x (nf, k, d) [m]."""
+def _normals(vertex: IntArray, real: BoolArray, sides: IntArray, x: FloatArray, normal: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Unit normals (nv, d) of the surface at the vertices by the facets around, and with those at the rim carried on; vertex (nf, k), x
+    (nf, k, d) [m]."""
     count, each = 1 + int(vertex.max()), np.arange(vertex.shape[1])
     ahead, back = ((each + step) % sides[:, None] for step in (1, -1))
     if x.shape[2] == 2:
@@ -102,7 +154,7 @@ def _normals(vertex: IntArray, real: BoolArray, sides: IntArray, x: FloatArray, 
         rim = np.zeros(count, dtype=bool)
         rim[ends[times[edge] == 1]] = True
     n = _unit(_sums(vertex[real], corner[real], count))
-    return _carried_on(n, rim, vertex, real, (ahead, back), x)
+    return n, _carried_on(n, rim, vertex, real, (ahead, back), x)
 
 
 def _carried_on(

@@ -10,10 +10,10 @@ import numpy as np
 from fcsim.arrays import FloatArray, IntArray
 from fcsim.assembly.model import Model
 from fcsim.brief import shown
-from fcsim.contact_detection.skin.skin import ROUND
+from fcsim.contact_detection.skin.skin import ROUND, SMOOTH
 from fcsim.contact_detection.surfaces import facets as contact_facets
 from fcsim.contact_detection.surfaces import parents
-from fcsim.contact_detection.surfaces.bulges import bulges
+from fcsim.contact_detection.surfaces.bulges import bulges, bulges_of_all_edges
 from fcsim.contact_detection.surfaces.sharp_edges import smooth_patches
 from fcsim.contact_detection.surfaces.surface import ContactSurface
 from fcsim.errors import InputError
@@ -42,13 +42,21 @@ def contact_surface(model: Model, members: Iterable[tuple[str, str]]) -> Contact
     return replace(plain, bulge=bulges_of_surface(model, plain))
 
 
-def bulges_of_surface(model: Model, surface: ContactSurface, angle: float = float(np.arccos(ROUND)), least: int = 0) -> FloatArray | None:
-    """How far a surface whose facets meet at less than `angle` [rad] bulges over them in the reference configuration, see `bulges`."""
-    if not len(surface.facets):
-        return None
+def bulges_of_surface(model: Model, surface: ContactSurface) -> FloatArray | None:
+    """How far a surface whose facets meet at less than 23 degrees bulges over them in the reference configuration, see `bulges`."""
+    return bulges(*_chords(model, surface, float(np.arccos(ROUND)))) if len(surface.facets) else None
+
+
+def bulges_of_all_chords(model: Model, surface: ContactSurface) -> FloatArray | None:
+    """The same where all facets that meet at less than 45 degrees are chords, see `bulges_of_all_edges`."""
+    return bulges_of_all_edges(*_chords(model, surface, float(np.arccos(SMOOTH)))) if len(surface.facets) else None
+
+
+def _chords(model: Model, surface: ContactSurface, angle: float) -> tuple[IntArray, IntArray, FloatArray, FloatArray, FloatArray, IntArray]:
+    """What `bulges` is asked with of a surface that edges of less than `angle` [rad] do not part."""
     joined = contact_facets.join([surface])
     patch, shape = smooth_patches(joined, model.reference, angle)
-    return bulges(joined.closed, (joined.nodes >= 0).sum(axis=1), model.reference, shape.normal, shape.size, patch, least)
+    return joined.closed, (joined.nodes >= 0).sum(axis=1), model.reference, shape.normal, shape.size, patch
 
 
 def _parents(model: Model, members: list[tuple[str, str]], facets: list[IntArray]) -> parents.Parents | None:

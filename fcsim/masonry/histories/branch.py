@@ -63,16 +63,21 @@ class Branch:
 
 
 def push_by_displacement(
-    problem: MasonryProblem, *, step: float | None = None, to: float | None = None, watch: Callable[[float, float], None] | None = None
+    problem: MasonryProblem,
+    *,
+    step: float | None = None,
+    to: float | None = None,
+    watch: Callable[[float, float], None] | None = None,
+    tell: Callable[[str], None] | None = None,
 ) -> Branch:
     """Return the curve of multiplier by displacement until the multiplier is zero, it runs away, or the displacement is `to` [m].
 
     step [m]: of the displacement, by default 2.5e-4 of the structure's extent; shorter where the multiplier drops. to: by default half its
-    extent. watch(displacement, multiplier): called after each step. InputError where loads that grow have several directions, move nothing,
-    or find a structure that falls already.
+    extent. watch(displacement, multiplier): called after each step; tell(text): with what is begun, and with steps taken again in parts.
+    InputError where loads that grow have several directions, move nothing, or find a structure that falls already.
     """
     steps = []
-    for _, displacement, multiplier in branch_steps(problem, step=step, to=to):
+    for _, displacement, multiplier in branch_steps(problem, step=step, to=to, tell=tell):
         steps.append((displacement, multiplier))
         if watch is not None and np.isfinite(multiplier):
             watch(displacement, multiplier)
@@ -91,7 +96,9 @@ def default_end(problem: MasonryProblem) -> float:
     return 0.5 * problem.size
 
 
-def branch_steps(problem: MasonryProblem, *, step: float | None = None, to: float | None = None) -> Iterator[tuple[Step, float, float]]:
+def branch_steps(
+    problem: MasonryProblem, *, step: float | None = None, to: float | None = None, tell: Callable[[str], None] | None = None
+) -> Iterator[tuple[Step, float, float]]:
     """Yield the steps of `push_by_displacement`, each with its displacement [m] and multiplier.
 
     The last multiplier may be below zero. It is -inf where the structure ran away: in that step, however short, it moves as far as the
@@ -102,13 +109,16 @@ def branch_steps(problem: MasonryProblem, *, step: float | None = None, to: floa
     to = default_end(problem) if to is None else to
     if not (is_number(step) and is_number(to) and 0 < step <= to):
         raise InputError(f"step, to: expected displacements in m with 0 < step <= to, got {shown(step)} and {shown(to)}")
+    tell = tell or (lambda text: None)
     control, load = _control(problem)
+    tell(f"limit analysis of {len(problem.blocks)} blocks: whether the loads that grow set them in motion")
     stands = associative_limit(limit_problem(problem)).outcome
     if stands in ("unbounded", "falls"):
         got = "one that bears every multiplier" if stands == "unbounded" else "one that falls under the loads that stay"
         raise InputError(f"{problem.name!r}: expected a structure that its growing loads set in motion, got {got}")
     model, _ = structure(problem)
     linkage, detector = Linkage(model, [control]), Everything(model, problem.friction)
+    tell("at rest: the multiplier that sets them in motion")
     along, largest, before = np.array(control.direction), 0.0, None
     moment, h, near = None, step, 1e-9 * step
     while moment is None or moment.state.t <= to + near:  # the step that begins at `to` has the forces of `to`
@@ -122,6 +132,8 @@ def branch_steps(problem: MasonryProblem, *, step: float | None = None, to: floa
         multiplier = float(taken.link_force(NAME) @ along) / load - lost
         if before is not None and before - multiplier > _DROP * largest and h > _SMALLEST * step:
             h *= 0.5
+            at = f"{1e3 * taken.previous.t:.6g} mm, multiplier {before:.4g}"
+            tell(f"{at}: it drops to {multiplier:.4g} in {2e3 * h:.4g} mm: again in half of that, {len(taken.contacts)} contacts")
             continue
         if before is not None and lost > _DROP * largest:
             yield taken, taken.previous.t, -np.inf

@@ -85,6 +85,7 @@ class ContactPairs:
         gap = high
         share = np.where(length > 0, x_0 * (1 - gap) / np.where(length > 0, length, 1), 0.0)
         new_r[rough, 1:] = share[:, None] * z_T
-        y = (tau[rough] / (x_0**2 * gap * (2 - gap)))[:, None] * np.column_stack([x_0, -new_r[rough, 1:]])
+        with np.errstate(divide="ignore"):  # of W x 1e300 x_0^2 is none
+            y = (tau[rough] / (x_0**2 * gap * (2 - gap)))[:, None] * np.column_stack([x_0, -new_r[rough, 1:]])
         new_u[rough, 1:] = y[:, 1:]
         return self.reactions(new_r), self.velocities(new_u, y[:, 0])

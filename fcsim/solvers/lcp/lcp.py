@@ -170,7 +170,10 @@ def _basic_values(M: FloatArray, q: FloatArray, support: BoolArray, tolerance: f
     for k in np.flatnonzero(~regular):
         if not (np.all(np.isfinite(C[k])) and np.all(np.isfinite(q))):
             continue
-        nearest, distance = scipy.optimize.nnls(C[k], q)
+        try:
+            nearest, distance = scipy.optimize.nnls(C[k], q)
+        except RuntimeError:  # it does not come to an end within its own limit: this basis is passed over
+            continue
         if distance <= tolerance:
             x[k] = nearest
     return x

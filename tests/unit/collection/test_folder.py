@@ -1,6 +1,7 @@
 """Folders of collections: what may be replaced, what is checked of a manifest, and paths that lead elsewhere."""
 
 import csv
+import errno
 import shutil
 from pathlib import Path
 
@@ -30,6 +31,22 @@ def content(directory: Path) -> dict[str, bytes]:
 def make(out: Path, *, overwrite: bool = True) -> None:
     with whole_folder(out, overwrite) as folder:
         (folder / "README.md").write_text("new")
+
+
+def test_a_folder_that_cannot_be_written_to_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Not the temporary one beside it, of which nobody knows; before anything is computed where that can be asked."""
+
+    def read_only(prefix: str, suffix: str, dir: Path) -> str:
+        raise OSError(errno.EROFS, "Read-only file system", f"{dir}/{prefix}x{suffix}")
+
+    with monkeypatch.context() as patched:
+        patched.setattr("tempfile.mkdtemp", read_only)
+        with pytest.raises(OSError, match="Read-only") as raised:
+            make(tmp_path / "out")
+        assert raised.value.filename == str(tmp_path / "out")
+    monkeypatch.setattr("os.access", lambda path, mode: False)
+    with pytest.raises(InputError, match=f"out: expected a folder that can be written to, {tmp_path} cannot"):
+        make(tmp_path / "not" / "there" / "out")
 
 
 def test_a_collection_is_replaced(copy: Path) -> None:

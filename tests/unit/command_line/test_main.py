@@ -2,6 +2,7 @@
 
 import argparse
 import csv
+import errno
 import json
 import os
 import subprocess
@@ -195,6 +196,20 @@ def test_solve_refuses(problem_file: Path, capsys: pytest.CaptureFixture[str], a
     assert main(["solve", str(problem_file), *arguments]) == 2
     captured = capsys.readouterr()
     assert message in captured.err and captured.err.startswith("fcsim: ")
+
+
+def test_the_answer_is_told_before_a_full_disk_refuses_the_solution(
+    problem_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(path: Path, *_: object, **__: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device", str(path))
+
+    monkeypatch.setattr("fcsim.export_fclib.write_fclib", full)
+    capsys.readouterr()
+    assert main(["solve", str(problem_file), "--write-solution", str(tmp_path / "solved.hdf5")]) == 2
+    said = capsys.readouterr()
+    assert "solved; scaled error" in said.out and "written" not in said.out
+    assert said.err == f"fcsim: {tmp_path / 'solved.hdf5'}: No space left on device\n"
 
 
 @pytest.mark.parametrize("link", ["", "symbolic", "hard"])

@@ -94,3 +94,24 @@ def test_velocities_whose_squares_underflow_are_no_rest_with_rolling_friction(na
         result = solve(p, name, tol=1e-6)  # it sticks: r = -f
         assert result.solved <= (np.abs(result.r / size + f).max() < 1e-5)
         assert result.solved or size < 1
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("name", ["EG", "FP-VI-UPK", "IPM-COULOMB", "2D-ENUM"])
+@pytest.mark.parametrize("scale", [1e300, 1e-300])
+def test_large_and_small_compliances_are_no_reason_for_warnings(name: str, scale: float) -> None:
+    """Users who make errors of NumPy's warnings had a division by zero in place of an answer."""
+    A, q = np.split(np.random.default_rng(0).standard_normal((7, 6)), [6])
+    d = SOLVERS[name].dimensions[0]
+    assert solve(LocalProblem(A @ A.T * scale, q[0], np.full(6 // d, 0.5), dimension=d), name, time_limit=1.0).status in Status
+
+
+def test_least_squares_without_an_end_pass_a_basis_over(monkeypatch: pytest.MonkeyPatch) -> None:
+    """SciPy's nnls raises RuntimeError at the end of its iterations, as for 700 contacts on three unknowns, which ended 2D-ENUM."""
+
+    def endless(*_: object) -> None:
+        raise RuntimeError("Maximum number of iterations reached.")
+
+    monkeypatch.setattr("scipy.optimize.nnls", endless)
+    p = LocalProblem(np.zeros((2, 2)), np.array([-1.0, 0.0]), np.array([0.5]), dimension=2)
+    assert solve(p, "2D-ENUM", guess_sweeps=0).status is Status.STAGNATED

@@ -6,12 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from fcsim.arrays import BoolArray, FloatArray
+from fcsim.arrays import BoolArray
 from fcsim.assembly.model import Model
 from fcsim.contact_detection import Detection, Detector, Everything, SurfacePair
 from fcsim.contact_detection.contacts import Contacts
-from fcsim.contact_detection.skin.skin import SMOOTH
-from fcsim.contact_detection.surfaces.model_surfaces import bulges_of_surface
+from fcsim.contact_detection.surfaces.model_surfaces import bulges_of_all_chords
 from fcsim.contact_detection.surfaces.surface import ContactSurface
 from fcsim.timestep.remarks.coarse import looked_at
 from fcsim.timestep.step import Step
@@ -26,7 +25,8 @@ class Chords:
     by the curved surfaces that these stand for (`fcsim.contact_detection.surfaces.bulges`), wrong by more than `NAMED` of how far the
     contacts deform bodies, twice the elastic energy over the sum of their forces. Steps 1, 4, 16, ... and the last are looked at.
 
-    The same rules with the surfaces smoothed over all edges of less than 45 degrees are the measure: what they agree with is not named.
+    The same rules with the surfaces smoothed over all edges of less than 45 degrees are the measure, evident curves or not: what they
+    agree with is not named.
     """
 
     def __init__(self, detection: Detection, steps: int) -> None:
@@ -82,11 +82,10 @@ def _smooth(model: Model, detection: Detection) -> tuple[Detection, BoolArray, B
         return None
     other: Detection
     if isinstance(detection, Everything):
-        if not _curved(detection):
+        other = detection.with_all_chords()
+        if other.bulge is None or (detection.bulge is not None and np.array_equal(other.bulge, detection.bulge)):
             return None
-        other = Everything(model, 0.0, detection.alert, detection.exclude, curved=[body.name for body in model.bodies])
-        nodes, B = other.skin.node[other.skin.facets], other.bulge
-        surfaces = [] if B is None else [(nodes, B)]
+        surfaces = [(other.skin.node[other.skin.facets], other.bulge)]
     elif isinstance(detection, Detector):
         pairs = [_smooth_pair(model, pair) for pair in detection.pairs]
         surfaces = [(s.facets, s.bulge) for pair in pairs for s in (pair.slave, pair.master) if s.bulge is not None]
@@ -102,21 +101,11 @@ def _smooth(model: Model, detection: Detection) -> tuple[Detection, BoolArray, B
     return (other, hollow, round_) if hollow.any() and round_.any() else None
 
 
-def _curved(detection: Everything) -> bool:
-    """Whether facets meet at an angle, of less than 45 degrees, over an edge that is not smoothed."""
-    skin = detection.skin
-    normal = detection.reference_normals
-    first, second = skin.edge_facets[skin.smooth].T
-    bent: FloatArray = np.einsum("ed,ed->e", normal[first], normal[second])
-    apart = ~detection.smoothed_bodies[skin.facet_body[first]] | (detection.patches[first] != detection.patches[second])
-    return bool((apart & (bent < 1.0 - 1e-9)).any())
-
-
 def _smooth_pair(model: Model, pair: SurfacePair) -> SurfacePair:
     """The pair with surfaces that are curved over all edges of less than 45 degrees."""
 
     def of(surface: ContactSurface) -> ContactSurface:
-        return replace(surface, bulge=bulges_of_surface(model, surface, float(np.arccos(SMOOTH)), least=3))
+        return replace(surface, bulge=bulges_of_all_chords(model, surface))
 
     integral = pair.candidates in ("mortar", "mortar-faces", "segments")
     return replace(pair, slave=of(pair.slave), master=of(pair.master), normals="facet" if integral else "smooth")

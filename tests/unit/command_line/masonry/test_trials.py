@@ -140,6 +140,9 @@ def test_long_histories_say_how_far_they_are(model: Path, capsys: pytest.Capture
     assert main(["push", str(model), "--direction", "x", "--branch", "--step", "0.002", "--to", "0.02"]) == EXIT_OK
     said = capsys.readouterr()
     assert "displacement 10 of 10: 20 mm, multiplier 0.35" in said.err
+    first = said.err.index("displacement 0 of 10")
+    begun = said.err.index("limit analysis of 2 blocks"), said.err.index("at rest: the multiplier that sets them in motion")
+    assert begun[0] < begun[1] < first  # of a dome, a minute before the first of them
     assert "bears a multiplier still at 20 mm" in said.out and "\n20 " in said.out  # a row of the table, too
     record = model.with_name("record.csv")
     record.write_text("t [s],a [g]\n0,0\n0.1,0.1\n0.2,0\n")

@@ -1,6 +1,7 @@
 """fcsim cases, new, and the names of cases that `run` takes."""
 
 import ast
+import errno
 import json
 import typing
 from pathlib import Path
@@ -96,3 +97,15 @@ def test_parameters_as_json(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["run", "hertz", "--parameters", "--json"]) == 0
     answer = json.loads(capsys.readouterr().out)
     assert answer["command"] == "run" and answer["exit_code"] == 0 and answer["parameters"]["E"] == 20e9
+
+
+def test_a_full_disk_leaves_no_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(path: Path, *_: object, **__: object) -> int:
+        raise OSError(errno.ENOSPC, "No space left on device", str(path))
+
+    (tmp_path / "there").mkdir()
+    monkeypatch.setattr(Path, "write_text", full)
+    for place in ("one/two", "there/two", "there/there"):
+        with pytest.raises(OSError, match="No space left"):
+            write_case(tmp_path / place)
+    assert [str(found.relative_to(tmp_path)) for found in tmp_path.rglob("*")] == ["there"]
