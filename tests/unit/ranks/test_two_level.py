@@ -25,7 +25,7 @@ from tests.unit.ranks.walls import simulation
 from tests.unit.solvers.newton.systems.test_two_level import linearisation
 
 PROGRAM = Path(__file__).with_name("two_level.py")
-RANKS = (2, 3)
+RANKS = (pytest.param(2, marks=pytest.mark.slow), 3)
 
 
 @pytest.fixture(scope="module")
@@ -189,7 +189,7 @@ def test_a_patch_is_solved_by_who_has_least_to_do_and_knows_most_of_it() -> None
     assert solvers_of([small, large], np.array([[10, 0], [100, 0]])).tolist() == [0, 0]
 
 
-@pytest.mark.parametrize("ranks", RANKS)
+@pytest.mark.parametrize("ranks", (2, 3))
 def test_a_round_has_as_many_patches_for_each_rank(ranks: int) -> None:
     """Those of one process in its order, and up to a multiple of the ranks the next ones, from a tenth of the limit on; fewer where there
     are no more."""
