@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-import scipy.linalg as sla
 import scipy.sparse as sp
 
 from fcsim.linear.joints import BlockRows
@@ -22,7 +21,7 @@ from fcsim.solvers.newton.systems.two_level.over_ranks.patches import JointsOfAl
 from tests.unit.ranks.conftest import Program
 from tests.unit.ranks.two_level import WORST, blocks_of_all, unsolved
 from tests.unit.ranks.walls import simulation
-from tests.unit.solvers.newton.systems.test_two_level import linearisation
+from tests.unit.solvers.newton.systems.test_two_level import linearisation, newton_matrix
 
 PROGRAM = Path(__file__).with_name("two_level.py")
 RANKS = (pytest.param(2, marks=pytest.mark.slow), 3)
@@ -137,7 +136,7 @@ def test_the_solution_is_one_of_the_whole_system(shared: Any, ranks: int) -> Non
     """Near a solution to the defect that is asked for, far from one to the accuracy of reactions; the same bits on all ranks."""
     W, _ = alone()
     A, B, x = given(W)
-    J = sla.block_diag(*A) @ W.toarray() + sla.block_diag(*B)
+    J = newton_matrix(A, W.toarray(), B)
     exact = np.linalg.solve(J, x.ravel())
     answers = shared(ranks)
     for (near, image), (far, _) in (answer["solved"] for answer in answers):
