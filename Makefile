@@ -56,7 +56,7 @@ mutation: $(READY)  ## count how many small errors the tests see (MUTATION="cone
 lint: $(READY)  ## check style, types and who imports whom
 	.venv/bin/ruff check
 	.venv/bin/ruff format --check
-	.venv/bin/mypy
+	.venv/bin/mypy -n 2
 	PYTHONPATH=. .venv/bin/lint-imports
 
 benchmark: $(READY)  ## seconds a step of the wall by phase and solver

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
-import scipy.optimize
+import scipy  # whose optimize is loaded where it is used: a tenth of a second of every start
 import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 

@@ -99,7 +99,7 @@ def tolerance(rule: CandidateRule) -> float:
 
 
 @pytest.mark.parametrize("finer", ["slave", "master"])
-@pytest.mark.parametrize("nu", [0.0, 0.3])
+@pytest.mark.parametrize("nu", [pytest.param(0.0, marks=pytest.mark.slow), 0.3])
 @pytest.mark.parametrize("cell", list(CELL_TYPES))
 @pytest.mark.parametrize("rule", ["mortar", "mortar-faces", "segments"])
 def test_integral_rules_pass(rule: Any, cell: str, nu: float, finer: str) -> None:

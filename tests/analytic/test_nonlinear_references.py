@@ -208,7 +208,7 @@ def test_B3_thick_cylinder() -> None:
 COOK_Q1 = {2: 8.638, 4: 12.07, 8: 13.86, 16: 14.49, 32: 14.67, 64: 14.72}
 
 
-@pytest.mark.parametrize("n", COOK_Q1)
+@pytest.mark.parametrize("n", [pytest.param(n, marks=[pytest.mark.slow] * (n > 32)) for n in COOK_Q1])
 def test_B4_cook_in_finite_strain(n: int) -> None:
     """deal.II's code gallery: W = mu/2 (I1bar - 3) + K/4 (J^2 - 1 - 2 ln J), mu 0.4225, nu 0.3, 1 N up in all: Q1, to their digits."""
     mu, nu = 0.4225, 0.3
@@ -220,7 +220,7 @@ def test_B4_cook_in_finite_strain(n: int) -> None:
 COOK_Q2 = {2: 14.30, 4: 14.65, 8: 14.71, 16: 14.73, 32: 14.74, 64: 14.74}
 
 
-@pytest.mark.parametrize(("n", "u"), [pytest.param(*one, marks=[pytest.mark.slow] * (one[0] > 32)) for one in COOK_Q2.items()])
+@pytest.mark.parametrize(("n", "u"), [pytest.param(*one, marks=[pytest.mark.slow] * (one[0] > 16)) for one in COOK_Q2.items()])
 def test_B4_cook_with_second_order(n: int, u: float) -> None:
     model, step = membrane(n, neo_hooke_isochoric(0.4225, 0.4225 * 2.6 / 1.2, 1.0), "Q2", 1 / 16, 2)
     assert_allclose(at(model, step, (48, 52)), u, rtol=1e-3)
@@ -320,7 +320,7 @@ def test_C5_cook_elastoplastic() -> None:
     assert_allclose(c + (c - b) ** 2 / (2 * b - a - c), 7.0, atol=0.05)  # Aitken's extrapolation
 
 
-@pytest.mark.parametrize("kL", [0.1, 0.2, 0.3])
+@pytest.mark.parametrize("kL", [*(pytest.param(kL, marks=pytest.mark.slow) for kL in (0.1, 0.2)), 0.3])
 def test_D4_spinning_bar(kL: float) -> None:
     """Nominal stress linear in nominal strain, P = E (l - 1), nu = 0: u(L) / L = tan(kL) / (kL) - 1, k = w sqrt(rho / E), steady at theta
     = 1/2.

@@ -55,7 +55,7 @@ def test_quarter_period_of_free_rocking(tmp_path, b, h, share):
 
     quarter = quad(lambda s: 2 * s / speed(begin - s * s), 0.0, np.sqrt(begin))[0]
     problem = read_masonry(stone(tmp_path, b, h, **turned(begin, b)))
-    step = quarter / 400
+    step = quarter / 200
     seen = shake(problem, duration=1.3 * quarter, h=step)
     upright = seen.t[np.argmax(seen.turn >= begin * (1 - 1e-3))]
     assert upright == pytest.approx(quarter, rel=0.01)

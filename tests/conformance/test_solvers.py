@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,7 @@ from fcsim.problem import GlobalProblem, LocalProblem
 from fcsim.problem.reduction import reduce
 from fcsim.solvers import SOLVERS, Result, Status, solve
 from fcsim.solvers.newton.options import NewtonOptions
+from tests.conformance.conftest import random_global, random_local
 
 NEWTON = [name for name, method in SOLVERS.items() if isinstance(method.options, NewtonOptions) and not name.startswith("ROLLING")]
 GLOBAL = [name for name, method in SOLVERS.items() if method.run_global is not None]
@@ -37,6 +39,28 @@ def run(variant: str, problem: GlobalProblem | LocalProblem, **options: Any) -> 
             solve(problem, name, **wanted)
         pytest.skip("a local problem has no form without W")
     return solve(problem, name, **wanted)
+
+
+@cache
+def in_si(variant: str, d: int) -> Result:
+    """Of the problem that comes in six other units."""
+    return run(variant, random_local(200, 6, d), tol=1e-13)
+
+
+@cache
+def from_zero(variant: str) -> Result:
+    return run(variant, random_global(5, 3).problem, tol=1e-12)
+
+
+@cache
+def newton(name: str, rho: str, d: int) -> Result:
+    """Without a line search."""
+    return solve(random_local(300, 10, d), name, tol=TOL, rho=rho)
+
+
+@cache
+def by_dense_algebra(name: str) -> Result:
+    return solve(random_local(400, 15, 3), name, tol=1e-9, linear="dense")
 
 
 def contact_velocity(problem: GlobalProblem | LocalProblem, r: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -145,7 +169,7 @@ def test_units_do_not_matter(variant: str, unit: str, factor: float, random_prob
     mass, velocity = {"mass": (factor, 1.0), "length": (1.0, factor), "time": (1.0, 1 / factor)}[unit]
     for d in (2, 3):
         p = random_problem(200, 6, d)
-        expected = run(variant, p, tol=1e-13)
+        expected = in_si(variant, d)
         scaled = run(variant, LocalProblem(p.W / mass, p.q * velocity, p.mu, dimension=d), tol=tol)
         assert expected.solved and scaled.solved
         assert_allclose(scaled.u / velocity, expected.u, atol=1e-6)
@@ -158,7 +182,7 @@ def test_the_three_ways_to_give_a_problem(variant: str, random_global_problem: G
     reduction = reduce(random_global_problem)
     name, own = VARIANTS[variant]
     without_global = {"linear": "auto"} if "linear" in own else {}
-    results = [run(variant, random_global_problem, tol=1e-12), run(variant, reduction.local, tol=1e-12, **without_global)]
+    results = [from_zero(variant), run(variant, reduction.local, tol=1e-12, **without_global)]
     results.append(solve(reduction, name, tol=1e-12, **own))
     for result in results:
         assert result.solved
@@ -170,14 +194,14 @@ def test_the_three_ways_to_give_a_problem(variant: str, random_global_problem: G
 @pytest.mark.parametrize("variant", MEANT)
 def test_warm_start(variant: str, random_global_problem: GlobalProblem) -> None:
     """From the solution no iteration is needed; the starting point given is left as it was."""
-    cold = run(variant, random_global_problem, tol=1e-12)
+    cold = from_zero(variant)
     start = cold.r.copy()
     warm = run(variant, random_global_problem, r=start, tol=1e-8)
     assert warm.solved and warm.iterations == 0
     assert_allclose(start, cold.r, atol=0)
     nearby = run(variant, random_global_problem, r=1.01 * start, tol=1e-8)
-    from_zero = run(variant, random_global_problem, tol=1e-8)  # to 1e-12 `auto` takes Newton's iterations, to 1e-8 sweeps
-    assert nearby.solved and nearby.iterations <= from_zero.iterations
+    as_near = run(variant, random_global_problem, tol=1e-8)  # to 1e-12 `auto` takes Newton's iterations, to 1e-8 sweeps
+    assert nearby.solved and nearby.iterations <= as_near.iterations
     assert_allclose(nearby.u, cold.u, atol=1e-6)
 
 
@@ -187,7 +211,7 @@ def test_warm_start(variant: str, random_global_problem: GlobalProblem) -> None:
 @pytest.mark.parametrize("name", NEWTON)
 def test_newton_options(name: str, rho: str, line_search: str, d: int, random_problem: Callable[..., LocalProblem], verdict: Any) -> None:
     problem = random_problem(300, 10, d)
-    plain = solve(problem, name, tol=TOL, rho=rho)
+    plain = newton(name, rho, d)
     searched = solve(problem, name, tol=TOL, rho=rho, line_search=line_search)
     for result in (plain, searched):
         u, q = contact_velocity(problem, result.r)
@@ -201,7 +225,7 @@ def test_linear_algebra_does_not_change_the_iterates(name: str, linear: str, ran
     problem = random_problem(400, 15, 3)
     if linear == "sparse":
         problem = replace(problem, W=sp.bsr_array(problem.W, blocksize=(3, 3)))
-    reference, result = solve(random_problem(400, 15, 3), name, tol=1e-9, linear="dense"), solve(problem, name, tol=1e-9, linear=linear)
+    reference, result = by_dense_algebra(name), solve(problem, name, tol=1e-9, linear=linear)
     assert result.iterations == reference.iterations
     assert_allclose([row[2] for row in result.history], [row[2] for row in reference.history], rtol=1e-4, atol=1e-12)
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy  # whose optimize is loaded where it is used
 import scipy.sparse as sp
-from scipy.optimize import linprog
 
 from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.masonry.limit_analysis.limit_problem import LimitProblem
@@ -142,7 +142,7 @@ class Program:
         cost[-1] = -sign
         # Tresca's fixed point ends lowest from the corners that the dual simplex method finds; elsewhere interior points are quicker
         way = "highs-ipm" if given is None else "highs-ds"
-        answer = linprog(cost, A_ub=friction, b_ub=most, A_eq=equal, b_eq=right, bounds=limits, method=way)
+        answer = scipy.optimize.linprog(cost, A_ub=friction, b_ub=most, A_eq=equal, b_eq=right, bounds=limits, method=way)
         if answer.status != 0:
             return None
         return float(answer.x[-1]), answer.x[:-1], np.asarray(answer.eqlin.marginals)

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from enum import Enum
 
 import numpy as np
+import scipy  # whose optimize is loaded where it is used: a tenth of a second of every start
 import scipy.linalg as sla
-import scipy.optimize
 
 from fcsim.arrays import BoolArray, FloatArray
 from fcsim.linear.factors import SingularMatrix

@@ -17,10 +17,12 @@ with ranks.sharing() as world, ranks.alone(), ranks.section("x"):
     assert world is None and ranks.world() is None and ranks.writes() and not ranks.shared()
     assert ranks.of_rank_0("x", lambda: 3) == 3 and ranks.told("x", 4) == 4
 assert not [name for name in sys.modules if name.split(".")[0] in ("mpi4py", "petsc4py")]
+assert "scipy.optimize" not in sys.modules, "a tenth of a second of every start"
 """
 
 
 def test_one_process_does_not_load_mpi() -> None:
+    """Nor linear programming, which few problems need."""
     subprocess.run([sys.executable, "-c", ALONE], check=True, timeout=60)
 
 

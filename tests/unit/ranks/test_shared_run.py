@@ -143,9 +143,9 @@ def test_a_rank_that_is_stopped_is_named_and_waited_for(run: Callable[..., Ended
     """The others waited for it, for ever perhaps, and nobody knew for what."""
     once = "if not SIGN.parents[1].joinpath('once').exists(): SIGN.parents[1].joinpath('once').touch(); import signal, subprocess"
     wake = "subprocess.Popen(['sh', '-c', f'sleep 9; kill -CONT {os.getpid()}'])"
-    ended = run(3, spoiled(case_folder, f"{once}; {wake}; os.kill(os.getpid(), signal.SIGSTOP)", rank), timeout=90)
+    ended = run(2, spoiled(case_folder, f"{once}; {wake}; os.kill(os.getpid(), signal.SIGSTOP)", rank), timeout=90)
     assert ended.code == 0, ended.err
-    named = rf"fcsim: rank {rank} of 3 is stopped \(by SIGSTOP, or a debugger\), and the others wait for it: process \d+\n"
+    named = rf"fcsim: rank {rank} of 2 is stopped \(by SIGSTOP, or a debugger\), and the others wait for it: process \d+\n"
     assert len(re.findall(named, ended.err)) == ended.err.count("is stopped") == 1, ended.err
     assert open_run(tmp_path / "out").description.status == "finished"
 
@@ -163,9 +163,9 @@ def test_a_rank_that_is_killed_is_missed_by_the_others(mpiexec: Program, case_fo
     killed, out = spoiled(case_folder, "import os, signal; os.kill(os.getpid(), signal.SIGKILL)"), tmp_path / "out"
     keeper = tmp_path / "keeper.py"
     keeper.write_text(KEEPER, encoding="utf-8")
-    ended = mpiexec(3, keeper, "-m", "fcsim", "run", killed, "--out", out, *PARAMETERS, timeout=90)
+    ended = mpiexec(2, keeper, "-m", "fcsim", "run", killed, "--out", out, *PARAMETERS, timeout=90)
     assert ended.code != 0 and seconds_since(tmp_path / "spoiled") < 30
-    assert "fcsim: rank 1 of 3 has ended: its process was killed, or crashed" in ended.err
+    assert "fcsim: rank 1 of 2 has ended: its process was killed, or crashed" in ended.err
     assert open_run(out).description.status == "failed"
     whole(out)
 
@@ -195,11 +195,11 @@ def test_bad_input_is_said_once(run: Callable[..., Ended], case_folder: Path) ->
 
 
 @pytest.mark.parametrize(
-    ("command", "shown"), [(("solve", "x.hdf5"), "expected one process, got 3 ranks"), (("run", "--help"), "usage: fcsim run")]
+    ("command", "shown"), [(("solve", "x.hdf5"), "expected one process, got 2 ranks"), (("run", "--help"), "usage: fcsim run")]
 )
 def test_what_ends_before_any_rank_shares_is_said_once(mpiexec: Program, command: tuple[str, ...], shown: str) -> None:
     """Each rank refused, or helped, with its own voice."""
-    ended = mpiexec(3, "-m", "fcsim", *command)
+    ended = mpiexec(2, "-m", "fcsim", *command)
     assert ended.code == (0 if "--help" in command else 2) and (ended.out + ended.err).count(shown) == 1
 
 

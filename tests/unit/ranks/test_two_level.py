@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-import scipy.linalg as sla
 import scipy.sparse as sp
 
 from fcsim.linear.joints import BlockRows
@@ -22,10 +21,10 @@ from fcsim.solvers.newton.systems.two_level.over_ranks.patches import JointsOfAl
 from tests.unit.ranks.conftest import Program
 from tests.unit.ranks.two_level import WORST, blocks_of_all, unsolved
 from tests.unit.ranks.walls import simulation
-from tests.unit.solvers.newton.systems.test_two_level import linearisation
+from tests.unit.solvers.newton.systems.test_two_level import linearisation, newton_matrix
 
 PROGRAM = Path(__file__).with_name("two_level.py")
-RANKS = (2, 3)
+RANKS = (pytest.param(2, marks=pytest.mark.slow), 3)
 
 
 @pytest.fixture(scope="module")
@@ -137,7 +136,7 @@ def test_the_solution_is_one_of_the_whole_system(shared: Any, ranks: int) -> Non
     """Near a solution to the defect that is asked for, far from one to the accuracy of reactions; the same bits on all ranks."""
     W, _ = alone()
     A, B, x = given(W)
-    J = sla.block_diag(*A) @ W.toarray() + sla.block_diag(*B)
+    J = newton_matrix(A, W.toarray(), B)
     exact = np.linalg.solve(J, x.ravel())
     answers = shared(ranks)
     for (near, image), (far, _) in (answer["solved"] for answer in answers):
@@ -189,7 +188,7 @@ def test_a_patch_is_solved_by_who_has_least_to_do_and_knows_most_of_it() -> None
     assert solvers_of([small, large], np.array([[10, 0], [100, 0]])).tolist() == [0, 0]
 
 
-@pytest.mark.parametrize("ranks", RANKS)
+@pytest.mark.parametrize("ranks", (2, 3))
 def test_a_round_has_as_many_patches_for_each_rank(ranks: int) -> None:
     """Those of one process in its order, and up to a multiple of the ranks the next ones, from a tenth of the limit on; fewer where there
     are no more."""

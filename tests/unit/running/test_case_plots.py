@@ -2,7 +2,9 @@
 
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
+from runpy import run_path
 
 import pytest
 
@@ -24,16 +26,31 @@ REFUSED = {
 }
 
 
-def run(script: str, *arguments: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run([sys.executable, str(CASES / script), *arguments], capture_output=True, text=True, timeout=120)
+@pytest.fixture
+def run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Callable[..., tuple[int, str, str]]:
+    """run(script, *arguments): its exit code and what it says on both streams, called here."""
+
+    def called(script: str, *arguments: str) -> tuple[int, str, str]:
+        monkeypatch.setattr(sys, "argv", [script, *arguments])
+        monkeypatch.syspath_prepend(str((CASES / script).parent))
+        with pytest.raises(SystemExit) as left:
+            run_path(str(CASES / script), run_name="__main__")
+        said = capsys.readouterr()
+        assert isinstance(left.value.code, int)
+        return left.value.code, said.out, said.err
+
+    return called
+
+
+Called = Callable[..., tuple[int, str, str]]
 
 
 @pytest.mark.parametrize("script", SCRIPTS)
-def test_table_and_picture(script: str, tmp_path: Path) -> None:
+def test_table_and_picture(run: Called, script: str, tmp_path: Path) -> None:
     arguments, count, picture = SCRIPTS[script]
-    done = run(script, *arguments, "--out", str(tmp_path))
-    assert done.returncode == 0, done.stderr
-    header, rule, *rows, path = done.stdout.splitlines()
+    code, out, err = run(script, *arguments, "--out", str(tmp_path))
+    assert code == 0, err
+    header, rule, *rows, path = out.splitlines()
     assert set(rule) <= set("|-") and len(rows) == count
     assert all(row.count("|") == header.count("|") for row in rows)
     assert Path(path) == tmp_path / "plots" / picture
@@ -41,8 +58,16 @@ def test_table_and_picture(script: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("script", REFUSED)
-def test_bad_arguments(script: str, tmp_path: Path) -> None:
+def test_bad_arguments(run: Called, script: str, tmp_path: Path) -> None:
     arguments, message = REFUSED[script]
-    done = run(script, *arguments, "--out", str(tmp_path))
-    assert done.returncode == 2 and message in done.stderr and "Traceback" not in done.stderr
+    code, _, err = run(script, *arguments, "--out", str(tmp_path))
+    assert code == 2 and message in err and "Traceback" not in err
     assert not list(tmp_path.iterdir())
+
+
+def test_as_a_program(tmp_path: Path) -> None:
+    """In a process of its own: what it needs it loads itself, and nothing but its words is on the streams."""
+    script, (arguments, message) = next(iter(REFUSED.items()))
+    command = [sys.executable, str(CASES / script), *arguments, "--out", str(tmp_path)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+    assert done.returncode == 2 and message in done.stderr and not done.stdout
