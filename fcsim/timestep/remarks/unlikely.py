@@ -110,8 +110,8 @@ def inertia_of_no_body(model: Model) -> Iterator[str]:
         polar = float(moments.sum()) / (2 if len(moments) == 3 else 1)
         if polar > INERTIA * body.mass * R**2:
             yield (
-                f"body {body.name!r} of {body.mass:.3g} kg has the inertia of a mass at {np.sqrt(polar / body.mass):.3g} m from its centre, "
-                f"and no point of it is farther than {R:.3g} m: it would turn too slowly. Is it in kg m^2, about the centre? {MADE}"
+                f"body {body.name!r} of {body.mass:.3g} kg has the inertia of a mass at {np.sqrt(polar / body.mass):.3g} m from its "
+                f"centre, and no point of it is farther than {R:.3g} m: it would turn too slowly. Is it in kg m^2, about the centre? {MADE}"
             )
             return
         if len(moments) == 3 and moments[2] > INERTIA * (moments[0] + moments[1]):
