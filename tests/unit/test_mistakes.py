@@ -52,6 +52,22 @@ def block(material: Material = STONE, size: tuple[float, float, float] = (0.2, 0
     return brick("block", size=size, divisions=(2, 1, 1), material=material)
 
 
+def with_inertia(moments: tuple[float, float, float]) -> Model:
+    """A rigid block of 4 kg with these moments of inertia [kg m^2] on the floor."""
+    box = rigid_box("block", (0.2, 0.1, 0.1), (0.1, 0.05, 0.05), 4.0)
+    return build_model([replace(box, inertia=np.diag(moments)), FLOOR], supports=[Support("floor", ALL)], gravity=lambda t: (0, 0, -9.81))
+
+
+@pytest.mark.parametrize(
+    ("moments", "what"),
+    [((0.0067, 0.0167, 0.0167), ""), ((0.004, 0.004, 0.0167), "than the two others together"), ((0.05, 0.05, 0.05), "at 0.137 m")],
+)
+def test_an_inertia_is_that_of_masses_within_the_body(moments: tuple[float, float, float], what: str) -> None:
+    """The block's own, m/12 (b^2 + c^2), rounded; one larger than both others; tr I / 2 = 0.075 > m R^2 = 0.06 of its corners."""
+    (step,) = Simulation(with_inertia(moments), Everything(with_inertia(moments), 0.5), Theta(1e-3), 1)
+    assert [what in remark for remark in step.remarks if "inertia" in remark] == ([True] if what else [])
+
+
 def soup() -> Part:
     """The block, each cell with nodes of its own."""
     whole = block()
@@ -188,6 +204,7 @@ MISTAKES: Mapping[str, tuple[Callable[[], object], str]] = {
     "E in GPa": (lambda: said(scene(block(replace(STONE, E=30.0))), steps=1), "1 GPa is 1e9 Pa"),
     "Density in g/cm3": (lambda: said(scene(block(Material(E=30e9, nu=0.2, density=2.4))), steps=1), "1 g/cm^3 is 1000 kg/m^3"),
     "Density 0": (lambda: said(scene(block(replace(STONE, density=0.0)))), "in dynamics a part needs a density > 0"),
+    "Inertia of no body": (lambda: said(with_inertia((2.0, 2.0, 2.0)), steps=1), "Is it in kg m^2"),
     "Poisson's ratio 0.5": (lambda: Material(E=1e6, nu=0.5, density=1000.0), "-1 < nu < 0.5"),
     "Statics without supports": (lambda: said(scene(), scheme=QuasiStatic(0.1)), "Add supports, or choose eta > 0"),
     "A body begins far above the floor": (lambda: said(high(), steps=1), "begin nearer, with a velocity"),

@@ -10,6 +10,7 @@ from scipy.sparse.csgraph import connected_components
 
 from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.contact_detection.skin._shape_kernels import facet_geometry
+from fcsim.contact_detection.skin.blunt_edges import blunt
 from fcsim.contact_detection.skin.boundary import Boundary
 from fcsim.contact_detection.skin.skin import FLAT, ROUND, SMOOTH, Skin
 from fcsim.errors import InputError
@@ -43,6 +44,8 @@ def closed_skin(boundary: Boundary, positions: FloatArray, names: Sequence[str])
     rises = np.einsum("ed,ed->e", centre[second] - centre[first], normal[first] - normal[second])
     convex = rises < 0
     smooth = cosine > SMOOTH
+    patch = _patches(edge_facets[cosine > ROUND], len(facets))
+    edges_alone = blunt(facets, boundary.sides, normal, edge_facets, cosine, patch)
     rough = np.zeros(len(node), dtype=bool)
     rough[edges[~smooth]] = True
     order = np.argsort(facets[real], kind="stable")
@@ -65,7 +68,7 @@ def closed_skin(boundary: Boundary, positions: FloatArray, names: Sequence[str])
         star=owner[order],
         first_star=np.searchsorted(facets[real][order], np.arange(len(node) + 1)),
         side=_patches(edge_facets[smooth], len(facets)),
-        patch=_patches(edge_facets[cosine > ROUND], len(facets)),
+        patch=_patches(edge_facets[(cosine > ROUND) & ~edges_alone], len(facets)) if edges_alone.any() else patch,
         smooth_vertex=~rough,
     )
 

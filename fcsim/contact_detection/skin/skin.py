@@ -34,7 +34,7 @@ class Skin:
     sharp, smooth (ne,)        convex edge between faces that meet at more than FLAT; faces meeting at less than SMOOTH (in the reference)
     star, first_star           facets around a vertex: star[first_star[v]] ... star[first_star[v + 1] - 1]
     side (nf,)                 number of the smooth patch of a facet: what one face of a box is, however finely it is meshed
-    patch (nf,)                the same of faces that meet at less than ROUND
+    patch (nf,)                the same of faces that meet at less than ROUND, but for blunt edges between flat faces, see `blunt_edges`
     smooth_vertex (nv,)        all edges that end there are smooth
     """
 

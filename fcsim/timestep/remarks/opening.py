@@ -19,7 +19,15 @@ from fcsim.timestep.remarks.locked_joints import locked_joints
 from fcsim.timestep.remarks.over_time.lost_pulses import lost_pulses
 from fcsim.timestep.remarks.over_time.undersampled import undersampled
 from fcsim.timestep.remarks.pieces import torn_meshes
-from fcsim.timestep.remarks.unlikely import diagonal_pull, fast_turning, growing, restitution_of_points, soft_or_stiff, steep_friction
+from fcsim.timestep.remarks.unlikely import (
+    diagonal_pull,
+    fast_turning,
+    growing,
+    inertia_of_no_body,
+    restitution_of_points,
+    soft_or_stiff,
+    steep_friction,
+)
 from fcsim.timestep.scheme import Scheme
 from fcsim.timestep.state import State
 
@@ -57,7 +65,7 @@ def opening_remarks(
     found.append(lost_pulses(model, scheme, state.t, steps))
     found += [restitution_of_points(model, scheme), growing(model, scheme, linked)]
     found.append(soft_or_stiff(model, gravity, EARTH[0] <= float(np.linalg.norm(gravity)) <= EARTH[1]))
-    found.append(torn_meshes(model))
+    found += [torn_meshes(model), inertia_of_no_body(model)]
     if linkage is not None:
         found.append(locked_joints(model, linkage, detector, positions))
     if not linked and not upwards:

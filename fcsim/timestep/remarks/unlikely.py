@@ -1,4 +1,5 @@
-"""What can be computed with and is hardly meant: friction in per cent, E in GPa, density in g/cm^3, angles in degrees, diagonal pulls."""
+"""What can be computed with and is hardly meant: friction in per cent, E in GPa, density in g/cm^3, angles in degrees, diagonal pulls,
+inertias of no body."""
 
 from __future__ import annotations
 
@@ -23,6 +24,9 @@ FASTEST = 1.5e4
 PASSAGES = 10.0
 """Of sound through a body in a step from which on the body is struck as a rigid one: a block dropped with e = 0.8 on a floor rose again by
 0.63 of its fall at 30, 0.60 at 10, 0.37 at 3, 0.13 and 0.24 at 1, 0.56 at 0.3 and 0.60 at 0.1 (0.64 is e^2)."""
+INERTIA = 1.01
+"""Share beyond which an inertia is that of no body: digits of a table are borne."""
+MADE = "rigid_body(body), rigid_box and rigid_solid work it out"
 TURNED = 0.2
 """[rad] A driven rotation in one step: contacts would be met at every thirtieth of a turn."""
 
@@ -92,6 +96,30 @@ def _moduli(material: object) -> tuple[float, ...]:
 
 def _height(body: Body, down: FloatArray) -> float:
     return float(np.ptp(body.points @ down))
+
+
+def inertia_of_no_body(model: Model) -> Iterator[str]:
+    """Inertias [kg m^2] of rigid bodies that turn which no masses within the body have: the sum of m r^2 is half the trace (in the plane
+    the inertia itself), at most m R^2, R to the farthest point; of the principal moments none is more than the two others together."""
+    for number, body in enumerate(model.bodies):
+        turning = np.arange(*model.dof_offset[number : number + 2])[model.dimension :]
+        if isinstance(body, Body) or body.shape is not None or not len(body.points) or np.isin(turning, model.driven_dofs).all():
+            continue
+        moments = np.linalg.eigvalsh(body.inertia)
+        R = float(np.linalg.norm(body.points - body.centre, axis=1).max())
+        polar = float(moments.sum()) / (2 if len(moments) == 3 else 1)
+        if polar > INERTIA * body.mass * R**2:
+            yield (
+                f"body {body.name!r} of {body.mass:.3g} kg has the inertia of a mass at {np.sqrt(polar / body.mass):.3g} m from its "
+                f"centre, and no point of it is farther than {R:.3g} m: it would turn too slowly. Is it in kg m^2, about the centre? {MADE}"
+            )
+            return
+        if len(moments) == 3 and moments[2] > INERTIA * (moments[0] + moments[1]):
+            yield (
+                f"body {body.name!r} has the principal moments of inertia {', '.join(f'{moment:.3g}' for moment in moments)} kg m^2: of no "
+                f"body is the largest more than the two others together. {MADE}"
+            )
+            return
 
 
 def fast_turning(model: Model, scheme: Scheme, begin: float, steps: int) -> Iterator[str]:

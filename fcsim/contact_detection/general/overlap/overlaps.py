@@ -2,7 +2,8 @@
 
 Corners that meet head-on may go past each other, see `wedges`. What else there is happens deep inside: a vertex that has gone through a
 thin tip is outside again, on the other side. Where an edge of one body goes through a facet of the other, the end that is behind the facet
-is its contact; of all such ends of two bodies the least deep one counts.
+is its contact; of all such ends of two bodies the least deep one counts. An end far beside the facet is none where the two bodies touch
+elsewhere by less: facets that bend are no planes, and an edge that touches their rim goes through these.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from fcsim.contact_detection.skin.skin import Shape, Skin
 
 _BY = 10.0  # times `near`: what overlaps by less touches
 _RESTS = 1e-5  # of half a facet: what solvers leave of a contact at rest
+_FAR = 10.0  # times the depth: an end farther than this from the facet is beside it
 _MORE = 1.1  # of the deepest contact of two bodies: corners overlap by more, or that contact tells of them, too
 
 
@@ -37,14 +39,14 @@ def overlap_contacts(skin: Skin, shape: Shape, near: NearBodies, vertices: Verte
     corners, known = wedge_contacts(skin, shape, suspect, np.maximum(_BY * suspect.near, _MORE * seen))
     others = np.delete(np.arange(len(rows)), known)
     rest = suspect.take(others[seen[others] <= 0.0])  # an edge that is a hair inside goes through facets, too
-    deeper = _pierced(skin, shape, rest) if len(rest.bodies) else None
+    deeper = _pierced(skin, shape, rest, vertices, edges) if len(rest.bodies) else None
     if deeper is None:
         return corners if len(known) else None
     return VertexContacts._make(np.concatenate(both) for both in zip(corners, deeper, strict=True))
 
 
-def _pierced(skin: Skin, shape: Shape, suspect: NearBodies) -> VertexContacts | None:
-    """One contact for each two bodies of which an edge of one goes through a facet of the other."""
+def _pierced(skin: Skin, shape: Shape, suspect: NearBodies, vertices: VertexContacts, edges_met: EdgeContacts) -> VertexContacts | None:
+    """One contact for each two bodies of which an edge of one goes through a facet of the other; those that they have already."""
     both = NearBodies(np.concatenate([suspect.bodies, suspect.bodies[:, ::-1]]), *(np.tile(part, 2) for part in suspect[1:]))
     if skin.dimension == 2:
         edges, rows = skin.facets[:, :2], near_facets_of_both(skin, shape, both)
@@ -56,28 +58,38 @@ def _pierced(skin: Skin, shape: Shape, suspect: NearBodies) -> VertexContacts | 
         return None
     vertex, facet, pair = edges[edge, end][through], facet[through], pair[through] % len(suspect.bodies)
     height = np.einsum("cd,cd->c", shape.point[vertex] - shape.centre[facet], shape.normal[facet])
+    weights, _, _, distance, _ = feet(vertex, facet, shape.point, skin.facets, skin.sides, shape.normal)
+    beside = distance > _FAR * np.abs(height)
+    if beside.any():
+        touching = edges_met.take(edges_met.gap < -height.min()), vertices.take(vertices.gap < -height.min())
+        beside &= -height > _least_gaps(skin, suspect, touching[1], touching[0])[pair]
     order = np.lexsort((facet, vertex, -height, pair))
-    rows = order[np.append(True, np.diff(pair[order]) != 0)]
-    vertex, facet, height = vertex[rows], facet[rows], height[rows]
-    weights = feet(vertex, facet, shape.point, skin.facets, skin.sides, shape.normal)[0]
-    return VertexContacts(vertex, facet, weights, shape.normal[facet], height)
+    order = order[~beside[order]]
+    rows = order[np.append(True, np.diff(pair[order]) != 0)] if len(order) else order
+    found = VertexContacts(vertex, facet, weights, shape.normal[facet], height).take(rows)
+    return found if len(rows) else None
 
 
 def _deepest(skin: Skin, near: NearBodies, vertices: VertexContacts, edges: EdgeContacts) -> FloatArray:
     """How deep the deepest contact of each pair of bodies is (np,) [m]; 0 without one."""
-    deep_v, deep_e = vertices.take(vertices.gap < 0), edges.take(edges.gap < 0)
+    least = _least_gaps(skin, near, vertices.take(vertices.gap < 0), edges.take(edges.gap < 0))
+    return np.where(np.isfinite(least), -least, 0.0)
+
+
+def _least_gaps(skin: Skin, near: NearBodies, vertices: VertexContacts, edges: EdgeContacts) -> FloatArray:
+    """The least gap of these contacts between each pair of bodies (np,) [m]; infinite without one."""
     pairs = np.concatenate(
         [
-            np.column_stack([skin.vertex_body[deep_v.vertex], skin.facet_body[deep_v.facet]]),
-            skin.vertex_body[skin.edges[deep_e.edges, 0]].reshape(-1, 2),
+            np.column_stack([skin.vertex_body[vertices.vertex], skin.facet_body[vertices.facet]]),
+            skin.vertex_body[skin.edges[edges.edges, 0]].reshape(-1, 2),
         ]
     )
     keys, wanted = (rows.min(axis=1) * skin.n_bodies + rows.max(axis=1) for rows in (pairs, near.bodies))
     if not len(keys):
-        return np.zeros(len(wanted))
+        return np.full(len(wanted), np.inf)
     order = np.argsort(keys)
-    sorted_keys, depth = keys[order], -np.concatenate([deep_v.gap, deep_e.gap])[order]
-    deepest = np.maximum.reduceat(depth, np.flatnonzero(np.append(True, np.diff(sorted_keys) != 0)))
+    sorted_keys, gap = keys[order], np.concatenate([vertices.gap, edges.gap])[order]
+    least = np.minimum.reduceat(gap, np.flatnonzero(np.append(True, np.diff(sorted_keys) != 0)))
     found = np.unique(sorted_keys)
     place = np.minimum(np.searchsorted(found, wanted), len(found) - 1)
-    return np.where(found[place] == wanted, deepest[place], 0.0)
+    return np.where(found[place] == wanted, least[place], np.inf)

@@ -1,12 +1,16 @@
 """Edges that cross near the end of an edge, almost parallel to it: contacts are as deep as the bodies overlap, by separating axes."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 from fcsim.assembly.model import build_model
 from fcsim.contact_detection import Everything
-from fcsim.mesh import RigidBody, rigid_box
+from fcsim.mesh import Body, Material, RigidBody, brick, rigid_box
+
+STONE = Material(1e9, 0.2, 2000.0)
 
 
 def box(name: str, size: np.ndarray, corner: np.ndarray, axes: np.ndarray, at: np.ndarray) -> RigidBody:
@@ -68,3 +72,18 @@ def test_an_edge_that_cuts_a_corners_tip_leaves_by_the_nearest_of_its_edges() ->
     found = Everything(model := build_model([a, b]), 0.5)(model.reference)
     assert overlap(a, b) == pytest.approx(2.37e-5, rel=0.01)
     assert found.gap.min() == pytest.approx(-overlap(a, b), rel=1e-6)
+
+
+def test_an_edge_under_the_rim_of_a_face_that_bends_is_not_deep_in_it() -> None:
+    """A bar lies a hair under the rim of a block whose lower face is no plane: its end, a seventh of the block beside it, is behind the
+    mean plane of that face, and not in the block."""
+    warp, slope = 0.01, 0.02
+    upper, bar = brick("upper", (1.0, 1.0, 1.0), (1, 1, 1), STONE), brick("bar", (1.0, 0.4, 0.2), (1, 1, 1), STONE)
+    corner = np.isclose(upper.points, (1.0, 1.0, 0.0)).all(axis=1)
+    bent = replace(upper, points=upper.points - warp * corner[:, None] * (0, 0, 1))
+    x, y, z = bar.points.T
+    turned = replace(bar, points=np.column_stack([x - 0.15, y + 0.1, z - 0.2 - slope * (x - 0.15) - 1e-8]))
+    model = build_model([Body("upper", bent), Body("bar", turned)])
+    found = Everything(model, 0.5)(model.reference)
+    assert len(found) and np.abs(found.gap).min() < 1e-7
+    assert found.gap.min() > -1e-6

@@ -1,5 +1,7 @@
 """Normals over facets that stand for a curved surface: continuous, and those of the surface; none changed on flat faces and real edges."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -119,3 +121,16 @@ def test_a_node_above_a_joint_of_two_bodies_is_held_by_one_or_both(kind: str, as
 def test_smooth_is_a_switch() -> None:
     with pytest.raises(InputError, match="smooth: expected True or False, got 'no'"):
         Everything(build_model([drum(9), tip()]), 0.5, smooth="no")  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("cell", ["hexahedron", "tetrahedron"])
+@pytest.mark.parametrize(("profile", "curved"), [((0, 1, 0, 1, 0), False), ((0, 0, 1, 2, 3), False), ((0, 3, 4, 3, 0), True)])
+def test_ridges_and_teeth_of_flat_faces_are_no_curve(cell: str, profile: tuple[int, ...], curved: bool) -> None:
+    """The top of a block of four strips: teeth and a ramp are flat faces, each its own; strips of a barrel are a curve."""
+    part = brick("block", (4.0, 2.0, 1.0), (4, 2, 1), STONE, cell=cell)
+    points = part.points.copy()
+    points[:, 2] += 0.1 * points[:, 2] * np.asarray(profile)[np.round(points[:, 0]).astype(int)]
+    everything = Everything(build_model([Body("block", replace(part, points=points))]), 0.5)
+    patch = everything.skin.patch[everything.reference_normals[:, 2] > 0.8]
+    flats = 1 + np.count_nonzero(np.diff(profile, 2))
+    assert len(np.unique(patch)) == (1 if curved else flats)
