@@ -36,8 +36,10 @@ def path_of(argument: str, what: str, given: object) -> Path:
 def replacing(path: Path) -> Iterator[Path]:
     """Yield a temporary name beside `path`, which takes the place of `path` if the block ends well and is removed if it does not.
 
-    Two processes that write one file do not touch each other's.
+    Two processes that write one file do not touch each other's. Raises InputError where a device or a pipe is there, which a file would
+    replace: /dev/null is everybody's.
     """
+    _refuse_streams(path)
     temporary = path.with_name(f".{path.stem}.{uuid.uuid4().hex[:12]}.partial{path.suffix}")  # programs choose formats by the extension
     try:
         yield temporary
@@ -67,8 +69,16 @@ def _to_the_disk(path: Path) -> None:
         os.close(descriptor)
 
 
+def _refuse_streams(path: Path) -> None:
+    """InputError where a device or a pipe is, or a link to what a process has open, as /dev/stdout: a file would take its place."""
+    of_a_process = path.is_symlink() and path.readlink().is_relative_to("/proc")
+    if of_a_process or (path.exists() and not path.is_file() and not path.is_dir()):
+        raise InputError(f"{path}: expected the name of a file to write, found a pipe or a device")
+
+
 def refuse_unwritable(path: Path) -> None:
-    """InputError where no file can be written at `path`: no such folder, a folder itself, or one that lets nobody write."""
+    """InputError where no file can be written at `path`: no such folder, a folder itself or a device, or one that lets nobody write."""
+    _refuse_streams(path)
     if path.is_dir():
         raise InputError(f"{path}: expected a file to write, found a folder")
     if not path.parent.is_dir():

@@ -129,7 +129,9 @@ def _fclib(options: argparse.Namespace) -> int:
         shape = " x ".join(map(str, matrix.shape))
         say(f"  {letter:12s} {shape}, {matrix.nnz} entries stored as {matrix.storage}" + (f"; {', '.join(more)}" if more else ""))
     vector = "q" if isinstance(problem, LocalProblem) else "f"
-    say(f"  |{vector}|          {np.linalg.norm(getattr(problem, vector)):.6g}")
+    with np.errstate(over="ignore"):  # of numbers whose squares no float holds: scaled, and inf where no float holds the norm either
+        most = float(np.abs(values := getattr(problem, vector)).max(initial=0.0))
+        say(f"  |{vector}|          {most * float(np.linalg.norm(values / (most or 1.0))):.6g}")
     if content.solution is not None:
         stated = "stored"
         if isinstance(problem, GlobalProblem | LocalProblem):

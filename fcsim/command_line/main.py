@@ -11,6 +11,7 @@ import io
 import sys
 from collections.abc import Sequence
 from contextlib import ExitStack, nullcontext, redirect_stderr, redirect_stdout
+from pathlib import Path
 
 from fcsim.command_line import info, render, run, solve, solvers, sweep
 from fcsim.command_line.answers import answering
@@ -123,11 +124,22 @@ def _acted(options: argparse.Namespace) -> tuple[int, str]:
         what = f"{error.filename}: " if error.filename else ""
         return EXIT_BAD_INPUT, f"{what}expected a place that this user may read and write, got: {error.strerror or error}"
     except OSError as error:  # a full disk
+        if error.filename is None and _nowhere():
+            return EXIT_BAD_INPUT, "the working directory is no longer there: go to another folder"
         return EXIT_BAD_INPUT, f"{error.filename}: {error.strerror}" if error.filename and error.strerror else str(error)
     except (KeyboardInterrupt, SystemError) as error:
         if not is_interrupt(error):
             raise
         return EXIT_INTERRUPTED, f"interrupted by {ended_by(error)}"
+
+
+def _nowhere() -> bool:
+    """Whether the folder in which the command was given has been removed meanwhile, which the system's error does not say."""
+    try:
+        Path.cwd()
+    except FileNotFoundError:
+        return True
+    return False
 
 
 if __name__ == "__main__":

@@ -9,7 +9,9 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from fcsim.command_line.answers import current
 from fcsim.command_line.assignments import add_plugin_option, checked_tolerance, positive, read_assignments
+from fcsim.command_line.compiling import saying_so
 from fcsim.command_line.terminal import say
 from fcsim.errors import EXIT_NOT_CONVERGED, EXIT_OK, InputError
 from fcsim.files import refuse_unwritable
@@ -73,7 +75,8 @@ def _solve(options: argparse.Namespace) -> int:
     start = _start(content, options.start)
     solved: Callable[..., Result] = solve  # which checks the overrides
     limits = {"tol": options.tol, "error": options.error, "floor": options.floor, "time_limit": options.time_limit}
-    result = solved(problem, options.solver, start, **limits, **overrides)
+    with saying_so(_aside):
+        result = solved(problem, options.solver, start, **limits, **overrides)
     if options.json:
         say(json.dumps(_answer(options, content, problem, result), indent=1, allow_nan=False))
     else:
@@ -83,6 +86,11 @@ def _solve(options: argparse.Namespace) -> int:
         if not options.json:
             say(f"written: {options.write_solution}")
     return EXIT_OK if result.solved else EXIT_NOT_CONVERGED
+
+
+def _aside(text: str) -> None:
+    if not current().quiet:
+        say(f"{text} (the seconds below count it)", to_stderr=True)
 
 
 def solver_options(name: str, texts: Sequence[str]) -> dict[str, bool | int | float | str]:

@@ -27,7 +27,7 @@ from fcsim.solvers.table import method
 
 def solve(
     problem: GlobalProblem | LocalProblem | Reduction | Followed | GlobalRollingProblem,
-    solver: str = "NSN-AC",
+    solver: str = "auto",
     r: FloatArray | None = None,
     *,
     tol: float = 1e-8,
@@ -41,7 +41,8 @@ def solve(
 
     problem    in global or local form, or a `Reduction` whose factor of M is known already (a simulation's); with rolling friction in
                global form, by the methods of dimension 5 or "auto" (see `solve_rolling`; it keeps no memory); one whose q follows its
-               solution (`fcsim.problem.Followed`) by the nonsmooth Newton methods
+               solution (`fcsim.problem.Followed`) by the nonsmooth Newton methods and "auto"
+    solver     a name of `SOLVERS`; the default chooses and chains methods by the problem (docs/auto.md)
     r          (m,) starting point, default 0
     tol        on the error that decides; `floor` [unit of q] as in `fcsim.problem.error`
     error      "scaled", which does not depend on the units (`fcsim.problem.scaled_error`), or "published" (`fcsim.problem.error`)

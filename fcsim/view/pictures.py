@@ -105,7 +105,7 @@ def contact_figure(run: RunFolder, scene: Scene, instant: Instant) -> Figure:
     reaction, status = np.asarray(contacts["reaction"]).reshape(-1, 3), np.asarray(contacts["status"])
     points = scene.pixels(scene.shown(contacts))
     in_plane = np.column_stack([reaction @ scene.right, -(reaction @ scene.up)])
-    largest = scene.survey.force or 1.0
+    largest = scene.survey.force or 1.0  # no contact of the run bore anything: segments of no length
     half = 0.5 * LONGEST_SEGMENT * scene.width / largest * in_plane
 
     page = _Page(scene)
@@ -142,7 +142,8 @@ def contact_figure(run: RunFolder, scene: Scene, instant: Instant) -> Figure:
             )
         )
     scale, unit = prefixed("N", largest)
-    handles.append(Line2D([], [], color=GREY, linewidth=1.6, label=f"reaction (longest of the run: {largest / scale:.3g} {unit})"))
+    longest = f"longest of the run: {largest / scale:.3g} {unit}" if scene.survey.force else "none in the run"
+    handles.append(Line2D([], [], color=GREY, linewidth=1.6, label=f"reaction ({longest})"))
     page.drawing.legend(handles=handles, loc="lower center", bbox_to_anchor=(0.5, 0.02), ncols=4, handletextpad=0.5, columnspacing=1.8)
     page.title(run.title, describe(run, scene, instant))
     return page.drawing

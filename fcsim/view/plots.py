@@ -148,6 +148,7 @@ def contact_plot(run: RunFolder) -> Figure | None:
     if t is None or not present:
         return None
     drawing, axes = _one_panel()
+    axes.locator_params(axis="y", integer=True)
     for label, colour, dash, values in present:
         axes.plot(t, values, dash, color=colour, label=label, linewidth=1.4 if dash == "--" else 1.8)
     axes.set(xlabel=x_label, ylabel="number of contacts", ylim=(0, None), title=run.title)
@@ -184,6 +185,7 @@ def convergence_plot(run: RunFolder) -> Figure | None:
         if name == "iterations":
             axes.set_ylim(0, max(1.0, 1.05 * float(np.nanmax(values, initial=0.0))))  # all of 0 have no range
             axes.yaxis.get_major_locator().set_params(integer=True)
+    panels[-1].xaxis.get_major_locator().set_params(integer=True)
     panels[0].set_title(run.title)
     panels[-1].set_xlabel("step")
     return drawing
@@ -225,7 +227,10 @@ def _one_panel() -> tuple[Figure, Axes]:
 
 def _abscissa(run: RunFolder) -> tuple[NDArray[np.float64] | None, str]:
     t = run.numbers("t")
-    return (t, "time [s]") if t is not None else (run.numbers("step"), "step")
+    if t is None:
+        return run.numbers("step"), "step"
+    scale, unit = prefixed("s", t)
+    return t / scale, f"time [{unit}]"
 
 
 def _sides(curves: list[NDArray], bound: float) -> list[float]:

@@ -14,7 +14,7 @@ import pytest
 from fcsim.assembly.time_functions import read_acceleration_record, read_table
 from fcsim.errors import InputError
 from fcsim.export_fclib import read_fclib, write_fclib
-from fcsim.files import inside, regular, replacing, replacing_hdf5, resolved
+from fcsim.files import inside, refuse_unwritable, regular, replacing, replacing_hdf5, resolved
 from fcsim.mesh.blocks import rectangle
 from fcsim.mesh.io import read_mesh, read_parts, write_mesh
 from fcsim.mesh.material import Material
@@ -43,6 +43,21 @@ def test_the_old_file_stays_until_the_new_one_is_whole(tmp_path: Path, failure: 
         temporary.write_text("new")
         assert path.read_text() == "old"
     assert path.read_text() == "new" and list(tmp_path.iterdir()) == [path]
+
+
+def test_no_file_takes_the_place_of_a_pipe_or_a_device(tmp_path: Path) -> None:
+    """As root `--write-solution /dev/null` made a file of the machine's null device."""
+    pipe, output, device = tmp_path / "pipe", tmp_path / "output", tmp_path / "device"
+    os.mkfifo(pipe)
+    output.symlink_to("/proc/self/fd/1")  # as /dev/stdout is
+    device.symlink_to(os.devnull)
+    for path in (pipe, output, device):
+        before = os.lstat(path)
+        with pytest.raises(InputError, match="expected the name of a file to write, found a pipe or a device"):
+            refuse_unwritable(path)
+        with pytest.raises(InputError, match="found a pipe or a device"), replacing(path) as temporary:
+            temporary.write_text("new")
+        assert os.lstat(path) == before
 
 
 def test_hdf5_files_too(tmp_path: Path) -> None:

@@ -37,8 +37,9 @@ class Size:
 
     def __str__(self) -> str:
         free = readable(free_memory())
+        bodies = "1 body" if self.bodies == 1 else f"{self.bodies} bodies"
         return (
-            f"{self.bodies} bodies, {self.dofs} degrees of freedom, {self.contacts} contacts to begin with: about {readable(self.memory)} "
+            f"{bodies}, {self.dofs} degrees of freedom, {self.contacts} contacts to begin with: about {readable(self.memory)} "
             f"of memory, {free} are free"
         )
 

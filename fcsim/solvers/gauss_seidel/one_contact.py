@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from types import FunctionType
 from typing import TYPE_CHECKING
 
 from fcsim.solvers.gauss_seidel import _conjugate_kernels
@@ -24,20 +25,27 @@ class OneContact:
     rho: str
     siconos: str
 
+    @property
+    def _function(self) -> str:
+        """The name of the solver's Python function, which NUMBA_DISABLE_JIT=1 leaves as it is."""
+        function: object = getattr(self.kernel, "py_func", self.kernel)
+        assert isinstance(function, FunctionType)
+        return function.__name__
+
     @cached_property
     def sweep(self) -> Dispatcher:
         """`_kernels.sweep` with this solver."""
-        return _kernels.compiled(_kernels.sweep, self.kernel.py_func.__name__, self.kernel)
+        return _kernels.compiled(_kernels.sweep, self._function, self.kernel)
 
     @cached_property
     def sweep_conjugate(self) -> Dispatcher:
         """`_conjugate_kernels.sweep_conjugate` with this solver's sweep."""
-        return _conjugate_kernels.compiled(self.kernel.py_func.__name__, self.sweep)
+        return _conjugate_kernels.compiled(self._function, self.sweep)
 
     @cached_property
     def sweep_velocities(self) -> Dispatcher:
         """`_kernels.sweep_velocities` with this solver."""
-        return _kernels.compiled(_kernels.sweep_velocities, self.kernel.py_func.__name__, self.kernel)
+        return _kernels.compiled(_kernels.sweep_velocities, self._function, self.kernel)
 
 
 _SPLIT, _SPECTRAL = "split spectral norm", "spectral norm"

@@ -6,7 +6,8 @@ const $ = id => document.getElementById(id);
 const PALETTE = ["#0072b2", "#e69f00", "#009e73", "#d55e00", "#cc79a7", "#56b4e9", "#f0e442", "#999999"];
 const STATUS = ["open", "stick", "slip"], STATUS_COLOUR = ["#a6a6a6", "#0072b2", "#d55e00"];
 const STONE = "#d9cfbf", GREY = "#b9bcbf", STRESS = run.colours, SMOOTH = "Viridis";
-const PREFIX = { Pa: [[1e9, "GPa"], [1e6, "MPa"], [1e3, "kPa"], [1, "Pa"]], N: [[1e6, "MN"], [1e3, "kN"], [1, "N"], [1e-3, "mN"]],
+const PREFIX = { Pa: [[1e9, "GPa"], [1e6, "MPa"], [1e3, "kPa"], [1, "Pa"]],
+  N: [[1e9, "GN"], [1e6, "MN"], [1e3, "kN"], [1, "N"], [1e-3, "mN"], [1e-6, "µN"], [1e-9, "nN"]],
   m: [[1, "m"], [1e-3, "mm"], [1e-6, "µm"], [1e-9, "nm"]], "m/s": [[1, "m/s"], [1e-3, "mm/s"], [1e-6, "µm/s"]] };
 
 function shown(value, unit) {

@@ -7,11 +7,15 @@ import sys
 from pathlib import Path
 
 import numba
+import numpy as np
 import pytest
 
 from fcsim.command_line import compiling
 from fcsim.command_line.compiling import saying_so
 from fcsim.command_line.main import main
+from fcsim.export_fclib import write_fclib
+from fcsim.problem import LocalProblem
+from fcsim.solvers import Result, solve
 
 ROOT = Path(__file__).parents[3]
 KERNEL = """
@@ -86,3 +90,21 @@ def test_of_a_run(
     assert "compiling" not in said.out
     if option == "--json":
         assert json.loads(said.out)["status"] == "finished"
+
+
+@pytest.mark.parametrize("option", ["", "--quiet", "--json"])
+def test_of_a_solve(option: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    """The first one on a machine took up to two minutes without a word."""
+    monkeypatch.setattr(compiling, "PATIENCE", 0.0)
+
+    def compiled(p: LocalProblem, *_: object, **__: object) -> Result:
+        numba.njit(lambda x: x - 1)(1.0)
+        return solve(p, "NSGS-AC")
+
+    monkeypatch.setattr("fcsim.solvers.solve", compiled)
+    write_fclib(tmp_path / "a.hdf5", LocalProblem(np.eye(3), np.array([-1.0, 0.1, 0.0]), np.array([0.5])))
+    assert main(["solve", str(tmp_path / "a.hdf5"), *([option] if option else [])]) == 0
+    said = capsys.readouterr()
+    assert said.err.count("compiling ") == (option != "--quiet")
+    if option == "--json":
+        assert json.loads(said.out)["status"] == "SOLVED"

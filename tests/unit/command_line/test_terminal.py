@@ -131,7 +131,7 @@ def test_errors_show_no_escapes(tmp_path: Path, capsys: pytest.CaptureFixture[st
 @pytest.mark.parametrize("command", [["info", "a.hdf5"], ["collection", "check", "x"], ["bench", "x", "--out", "y"]])
 def test_no_command_runs_as_ranks_of_mpi(command: list[str], capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("OMPI_COMM_WORLD_SIZE", "4")
-    assert main(command) == 2
+    assert main(["run", "stack"]) == 2
     assert f"fcsim {command[0]}: expected one process, got 4 ranks" in capsys.readouterr().err
 
 
@@ -167,3 +167,14 @@ def test_a_script_that_leaves_is_no_success(case_folder: Path, tmp_path: Path, w
     script.write_text(text.replace(*LEAVING[when], 1))
     assert main(["run", str(case_folder), "--out", str(tmp_path / "out")]) == 2
     assert "ends the program (0)" in capsys.readouterr().err and not (tmp_path / "out").exists()
+
+
+def test_a_working_directory_that_is_gone_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """It was "[Errno 2] No such file or directory", of no file."""
+    (tmp_path / "here").mkdir()
+    monkeypatch.chdir(tmp_path / "here")
+    (tmp_path / "here").rmdir()
+    assert main(["run", "stack"]) == 2
+    assert capsys.readouterr().err == "fcsim: the working directory is no longer there: go to another folder\n"

@@ -49,6 +49,16 @@ def test_what_is_said_of_W() -> None:
     assert said.startswith("W has its lower triangle alone")
 
 
+def test_numbers_whose_squares_and_sums_no_float_holds(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """|q| was inf, with a warning of NumPy's, and entries across the diagonal differed by "inf of the largest"."""
+    problem = LocalProblem(np.array([[1.0, 0, 1e308], [0, 1, 0], [-1e308, 0, 1]]), np.array([3e200, -4e200, 0.0]), np.array([0.5]))
+    assert odd_matrices(problem)[0].endswith("by up to 2 of the largest")
+    write_fclib(tmp_path / "a.hdf5", problem)
+    assert main(["info", str(tmp_path / "a.hdf5")]) == 0
+    said = capsys.readouterr()
+    assert "|q|          5e+200\n" in said.out and not said.err
+
+
 def test_commands_say_so(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """A half was solved as if it were the whole, without a word."""
     half, whole = tmp_path / "half.hdf5", tmp_path / "whole.hdf5"

@@ -133,6 +133,19 @@ def test_bad_hybrid_option_is_refused() -> None:
         solve(problem(), "NSN-AC-HYBRID", cycles=0)
 
 
+def test_a_method_that_nobody_chose_carries_a_block_on_four_points() -> None:
+    """Twelve unknowns for six velocities: Newton's method on W alone finds it singular. Statics: the points bear m g h together."""
+    arms = np.array([(x, y, -0.4) for x in (-1.0, 1.0) for y in (-0.5, 0.5)])
+    frame = np.eye(3)[[2, 0, 1]]  # N, T1, T2
+    H = np.vstack([np.hstack([frame, np.cross(arm, frame)]) for arm in arms]).T
+    mass = np.array([2.0, 2.0, 2.0, 0.28, 0.78, 0.84])
+    f = np.array([0.0, 0.0, -2.0 * 9.81e-3, 0.0, 0.0, 0.0])
+    assert not solve(GlobalProblem(np.diag(mass), H, f, np.zeros(12), np.full(4, 0.4)), "NSN-AC").solved
+    result = solve(GlobalProblem(np.diag(mass), H, f, np.zeros(12), np.full(4, 0.4)))
+    assert result.solved
+    assert_allclose(H @ result.r, -f, atol=1e-9)
+
+
 def test_other_things_than_problems_are_refused() -> None:
     with pytest.raises(InputError, match="problem: expected a GlobalProblem"):
         solve(np.eye(3))  # type: ignore[arg-type]

@@ -356,6 +356,8 @@ def test_missing_libraries_are_named(run_directory, monkeypatch):
         ("rad", 0.01, (1.0, "rad")),
         ("s", 0.32, (1e-3, "ms")),
         ("m", 1e-12, (1e-6, "µm")),
+        ("J", 5e-11, (1e-12, "pJ")),
+        ("N", 1.76e10, (1e9, "GN")),
     ],
 )
 def test_prefixes(unit, value, expected):

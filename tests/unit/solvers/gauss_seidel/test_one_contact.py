@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -144,3 +145,10 @@ def test_exact_solution_of_a_block_on_a_slope() -> None:
         friction = min(weight * np.sin(angle), mu * weight * np.cos(angle))
         assert solved
         assert_allclose(r, np.r_[weight * np.cos(angle), -friction * direction], rtol=1e-13)
+
+
+@pytest.mark.parametrize("sweep", ["sweep", "sweep_conjugate", "sweep_velocities"])
+def test_a_solver_that_is_not_compiled_is_named_too(sweep: str) -> None:
+    """NUMBA_DISABLE_JIT=1 leaves Python's functions as they are, and every sweep ended in an AttributeError."""
+    plain = replace(ONE_CONTACT["AC"], kernel=ONE_CONTACT["AC"].kernel.py_func)
+    assert getattr(plain, sweep).py_func.__name__ == getattr(ONE_CONTACT["AC"], sweep).py_func.__name__
