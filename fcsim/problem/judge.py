@@ -92,15 +92,18 @@ BLURRED = 0.1
 """Share of the tolerance from which the error's own round-off is told."""
 
 
-def blurred(z: float, parts: float, scale: float, tol: float) -> str:
+def blurred(z: float, parts: float, scale: float, tol: float, mu: float = 0.0) -> str:
     """What there is to say where round-off keeps the error from being known to `tol`, empty where it does not.
 
     u is the sum of W r, of the size ||z|| of the scaled reactions, and of q, which in global form is itself a sum: parts = ||w|| +
     ||H^T M^-1 f|| [velocity]. Nothing below their round-off is known of it, whatever the residual says; scale: what the error divides by.
+    mu: the largest of contacts with reactions; g(u) multiplies by it what is known of ||u_T||.
     """
     known = relative(ROUND_OFF * (z + parts), scale)
     if not known > BLURRED * tol:
-        return ""
+        if not mu * known > BLURRED * tol:
+            return ""
+        return f"friction of {mu:.0e} multiplies the round-off of sliding velocities: the error is known to {mu * known:.0e} alone"
     if z > parts:
         return f"reactions are {relative(z, scale):.0e} times what ||q|| asks for: by round-off the error is known to {known:.0e} alone"
     return (

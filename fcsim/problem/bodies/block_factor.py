@@ -181,12 +181,41 @@ def _diagonal(A: sp.sparray, single: IntArray) -> FloatArray:
     return diagonal
 
 
+class _Equilibrated:
+    """The factor of S A S in the place of that of A where constraints stand beside masses of 1e-15 kg: A's pivots are round-off."""
+
+    def __init__(self, A: sp.sparray) -> None:
+        """S: of unknowns with a mass its root's inverse, of multipliers what makes their largest entry one; SingularMatrix."""
+        own, entries = np.abs(A.diagonal()), abs(sp.coo_array(A))
+        scale = 1 / np.sqrt(np.where(own > 0, own, 1.0))
+        row, column = entries.coords
+        largest = np.zeros(len(own))
+        np.maximum.at(largest, row, entries.data * np.where(own > 0, scale, 0.0)[column])
+        scale = np.where((own > 0) | (largest == 0), scale, 1 / np.where(largest > 0, largest, 1.0))
+        self._scale = np.exp2(np.round(np.log2(scale)))
+        scaled = type(A)(sp.diags_array(self._scale) @ A @ sp.diags_array(self._scale))
+        self._factor = _fitting_factor(scaled)
+        refuse_singular(scaled, self._factor)
+        self.name = self._factor.name
+
+    def solve(self, rhs: FloatArray) -> FloatArray:
+        scale = self._scale if rhs.ndim == 1 else self._scale[:, None]
+        x: FloatArray = scale * self._factor.solve(scale * rhs)
+        return x
+
+
 def _factor(block: sp.sparray) -> Factor:
+    """The block's factor; SingularMatrix where it has none in any units."""
     try:
         factor = _fitting_factor(block)
+        refuse_singular(block, factor)
     except SingularMatrix as error:
-        raise SingularMatrix(f"M is singular in a block of {block.shape[0]} degrees of freedom: {error}") from None
-    refuse_singular(block, factor)
+        said = str(error)
+        try:
+            return _Equilibrated(block)
+        except SingularMatrix:
+            where = "" if said.startswith("M ") else f"M is singular in a block of {block.shape[0]} degrees of freedom: "
+            raise SingularMatrix(where + said) from None
     return factor
 
 

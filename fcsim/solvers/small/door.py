@@ -90,7 +90,7 @@ def small(
     remark = ""
     if status.solved and (r is not None or not noted or rows[0, 1] * OUTWEIGHED <= tol):  # else r = 0 has an error that counts
         remark = outweighed(answer, u, q, problem.dimension, plain if error == "published" else scaled, scale, floor)
-    if status.solved and ROUND_OFF * r_size * W.diagonal().max() > BLURRED * tol * scale:
+    if status.solved and ROUND_OFF * r_size * W.diagonal().max() * max(1.0, problem.mu.max()) > BLURRED * tol * scale:
         remark = "; ".join(filter(None, (remark, _blurred(problem, answer, scale, tol))))
     spent = time.perf_counter() - begun
     # a clock does not reach into compiled code: the seconds of the history are the sweeps' share
@@ -102,4 +102,5 @@ def small(
 
 def _blurred(problem: LocalProblem, r: FloatArray, scale: float, tol: float) -> str:
     """What `blurred` says of reactions r (m,)."""
-    return blurred(float(np.linalg.norm(np.repeat(problem.compliance, problem.dimension) * r)), 0.0, scale, tol)
+    z = float(np.linalg.norm(np.repeat(problem.compliance, problem.dimension) * r))
+    return blurred(z, 0.0, scale, tol, float(problem.mu[r[:: problem.dimension] > 0].max(initial=0.0)))
