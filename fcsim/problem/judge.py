@@ -68,7 +68,9 @@ OUTWEIGHED = 1e-3
 """Error relative to the contacts that are not parting, from which a remark says that others outweigh them."""
 
 
-def outweighed(r: FloatArray, u: FloatArray, q: FloatArray, dimension: int, residual: float, scale: float, floor: float) -> str:
+def outweighed(
+    r: FloatArray, u: FloatArray, q: FloatArray, dimension: int, residual: float, scale: float, floor: float, tol: float = 0.0
+) -> str:
     """What there is to say where a small error is so for contacts that part alone, empty where there is nothing.
 
     Errors are relative to ||q||, in which a contact 1e9 m/s from closing hides whatever others do: r = 0 has an error of 1e-9. So the
@@ -79,7 +81,7 @@ def outweighed(r: FloatArray, u: FloatArray, q: FloatArray, dimension: int, resi
         return ""
     pressed = (r.reshape(-1, dimension) != 0).any(axis=1) | (u[::dimension] < 0) | (q[::dimension] < 0)
     counted = max(float(np.linalg.norm(q.reshape(-1, dimension)[pressed])), floor)
-    if residual <= OUTWEIGHED * counted:
+    if residual <= max(OUTWEIGHED, 10 * tol) * counted:
         return ""
     return (
         f"contacts that part outweigh the others in ||q|| ({scale:.1e} of {counted:.1e}): relative to these the error is "

@@ -138,7 +138,7 @@ def _judged(
     if (deciding <= monitor.tol) != status.solved:  # NaN is no solution
         status = Status.SOLVED if deciding <= monitor.tol else Status.STAGNATED
     size = r, answer.u, given.q, given.dimension
-    remark = outweighed(*size, residuals[ERRORS.index(error)], monitor.scale, monitor.floor) if status.solved else ""
+    remark = outweighed(*size, residuals[ERRORS.index(error)], monitor.scale, monitor.floor, monitor.tol) if status.solved else ""
     z = float(np.linalg.norm(np.repeat(given.compliance, given.dimension) * r)) if status.solved else 0.0
     known = blurred(z, _parts_of_q(given), monitor.scale, monitor.tol, float(given.mu[r[:: given.dimension] > 0].max(initial=0.0)))
     return Result(
