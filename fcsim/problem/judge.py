@@ -68,7 +68,9 @@ OUTWEIGHED = 1e-3
 """Error relative to the contacts that are not parting, from which a remark says that others outweigh them."""
 
 
-def outweighed(r: FloatArray, u: FloatArray, q: FloatArray, dimension: int, residual: float, scale: float, floor: float) -> str:
+def outweighed(
+    r: FloatArray, u: FloatArray, q: FloatArray, dimension: int, residual: float, scale: float, floor: float, tol: float = 0.0
+) -> str:
     """What there is to say where a small error is so for contacts that part alone, empty where there is nothing.
 
     Errors are relative to ||q||, in which a contact 1e9 m/s from closing hides whatever others do: r = 0 has an error of 1e-9. So the
@@ -79,7 +81,7 @@ def outweighed(r: FloatArray, u: FloatArray, q: FloatArray, dimension: int, resi
         return ""
     pressed = (r.reshape(-1, dimension) != 0).any(axis=1) | (u[::dimension] < 0) | (q[::dimension] < 0)
     counted = max(float(np.linalg.norm(q.reshape(-1, dimension)[pressed])), floor)
-    if residual <= OUTWEIGHED * counted:
+    if residual <= max(OUTWEIGHED, 10 * tol) * counted:
         return ""
     return (
         f"contacts that part outweigh the others in ||q|| ({scale:.1e} of {counted:.1e}): relative to these the error is "
@@ -92,15 +94,18 @@ BLURRED = 0.1
 """Share of the tolerance from which the error's own round-off is told."""
 
 
-def blurred(z: float, parts: float, scale: float, tol: float) -> str:
+def blurred(z: float, parts: float, scale: float, tol: float, mu: float = 0.0) -> str:
     """What there is to say where round-off keeps the error from being known to `tol`, empty where it does not.
 
     u is the sum of W r, of the size ||z|| of the scaled reactions, and of q, which in global form is itself a sum: parts = ||w|| +
     ||H^T M^-1 f|| [velocity]. Nothing below their round-off is known of it, whatever the residual says; scale: what the error divides by.
+    mu: the largest of contacts with reactions; g(u) multiplies by it what is known of ||u_T||.
     """
     known = relative(ROUND_OFF * (z + parts), scale)
     if not known > BLURRED * tol:
-        return ""
+        if not mu * known > BLURRED * tol:
+            return ""
+        return f"friction of {mu:.0e} multiplies the round-off of sliding velocities: the error is known to {mu * known:.0e} alone"
     if z > parts:
         return f"reactions are {relative(z, scale):.0e} times what ||q|| asks for: by round-off the error is known to {known:.0e} alone"
     return (

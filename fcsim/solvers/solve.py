@@ -139,9 +139,9 @@ def _judged(
     if (deciding <= monitor.tol) != status.solved:  # NaN is no solution
         status = Status.SOLVED if deciding <= monitor.tol else Status.STAGNATED
     size = r, answer.u, given.q, given.dimension
-    remark = outweighed(*size, residuals[ERRORS.index(error)], monitor.scale, monitor.floor) if status.solved else ""
+    remark = outweighed(*size, residuals[ERRORS.index(error)], monitor.scale, monitor.floor, monitor.tol) if status.solved else ""
     z = float(np.linalg.norm(np.repeat(given.compliance, given.dimension) * r)) if status.solved else 0.0
-    known = blurred(z, _parts_of_q(given), monitor.scale, monitor.tol)
+    known = blurred(z, _parts_of_q(given), monitor.scale, monitor.tol, float(given.mu[r[:: given.dimension] > 0].max(initial=0.0)))
     return Result(
         r=r,
         u=answer.u,
@@ -240,6 +240,8 @@ def _run(run: Run, problem: LocalProblem | Reduced, q: FloatArray, r: FloatArray
     if not isinstance(iterate, Iterate) or np.shape(iterate.r) != np.shape(q):
         got = f"r of shape {np.shape(iterate.r)}" if isinstance(iterate, Iterate) else f"a {type(iterate).__name__}"
         raise InputError(f"{run.__name__}: expected a method to return Iterate(r, status) with r of shape {np.shape(q)}, got {got}")
-    if not iterate.status.solved and monitor.best_r is not None:
+    if iterate.status.solved:
+        return iterate
+    if monitor.best_r is not None:
         return replace(iterate, r=monitor.best_r)
-    return iterate
+    return iterate if np.all(np.isfinite(iterate.r)) else replace(iterate, r=r)  # nowhere was the error a number

@@ -149,9 +149,11 @@ def _run(run: Run, local: LocalRollingProblem, r: FloatArray, monitor: Monitor, 
         iterate = Iterate(r, Status.SINGULAR, str(singular))
     except (OverflowError, ZeroDivisionError, FloatingPointError, np.linalg.LinAlgError) as beyond:  # numbers that no float holds
         iterate = Iterate(r, Status.DIVERGED, f"{type(beyond).__name__}: {beyond}")
-    if not iterate.status.solved and monitor.best_r is not None:
+    if iterate.status.solved:
+        return iterate
+    if monitor.best_r is not None:
         return replace(iterate, r=monitor.best_r)
-    return iterate
+    return iterate if np.all(np.isfinite(iterate.r)) else replace(iterate, r=r)
 
 
 def _check(given: RollingReduction, r: FloatArray, u: FloatArray, momentum: float | None) -> Checks:

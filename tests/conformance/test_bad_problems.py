@@ -335,3 +335,16 @@ def test_two_good_copies_of_a_file_are_one_problem(tmp_path: Path) -> None:
     assert isinstance(first, GlobalProblem) and isinstance(second, GlobalProblem)
     assert_allclose(solve(first).r, solve(second).r, atol=0)
     assert replace(first, f=first.f).n == 8
+
+
+def test_who_meets_infinity_hands_back_numbers() -> None:
+    """Without an iterate whose error was a number the starting point is handed back, not infinity."""
+    W = np.array(
+        [
+            *([7.2, -2.8, -3.2, -1.7, -3.9, 2.2], [-2.2, 3.8, -1.0, -1.2, 1.0, -4.0], [-3.3, -0.5, 4.6, 0.0, 1.2, 0.2]),
+            *([-1.5, -0.8, 0.4, 2.7, 0.5, -0.8], [-3.7, 1.6, 1.1, 0.4, 2.1, -2.1], [2.3, -3.7, 0.3, -0.5, -1.5, 5.4]),
+        ]
+    )
+    q = np.array([8.9, -2.6, -7.3, -3.0, -3.9, 4.2])
+    result = solve(LocalProblem(W, q, np.full(3, 0.5), dimension=2), "SOCLCP", tol=1e-8)
+    assert not result.solved and np.all(np.isfinite(result.r)) and np.isfinite(result.error)

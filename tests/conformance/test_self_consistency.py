@@ -76,11 +76,13 @@ def test_what_is_solved_satisfies_each_law_by_itself(name: str) -> None:
     assert solved >= (1 if name in ("LM", "IPM", "IPM-COULOMB") else 4)
 
 
-def test_newtons_two_level_systems_satisfy_each_law_by_itself(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A wall of 21 deformable bricks, made to be solved with a coarse space of the bodies' motions as large walls are."""
-    monkeypatch.setattr(condensed, "TWO_LEVEL_FROM", 1)
-    monkeypatch.setattr(choice, "TWO_LEVEL_FROM", 1)
-    for step in walls(TOL, courses="4", blocks="5.5", steps="3"):
+@pytest.mark.parametrize("options", [{}, {"linear": "two-level"}], ids=["large", "by name"])
+def test_newtons_two_level_systems_satisfy_each_law_by_itself(options: dict[str, object], monkeypatch: pytest.MonkeyPatch) -> None:
+    """A wall of 21 deformable bricks, made to be solved with a coarse space of the bodies' motions: as large walls are, or by its name."""
+    if not options:
+        monkeypatch.setattr(condensed, "TWO_LEVEL_FROM", 1)
+        monkeypatch.setattr(choice, "TWO_LEVEL_FROM", 1)
+    for step in walls(TOL, options, courses="4", blocks="5.5", steps="3"):
         p = step.reduction.local.whole
         if step.number == 1:  # at rest without a load: q is round-off
             continue

@@ -24,6 +24,7 @@ GLOBAL = [name for name, method in SOLVERS.items() if method.run_global is not N
 VARIANTS: dict[str, tuple[str, dict[str, Any]]] = {name: (name, {}) for name in SOLVERS} | {
     f"{name}, kkt": (name, {"linear": "kkt"}) for name in GLOBAL
 }
+VARIANTS |= {f"{name}, two-level": (name, {"linear": "two-level"}) for name in ("NSN-AC", "NSN-JM", "NSN-NM", "NSN-FB")}
 MEANT = [variant for variant, (name, _) in VARIANTS.items() if not SOLVERS[name].limits]
 AGREEING = [name for name in ("NSN-AC", "NSN-JM", "NSN-NM", "NSGS-AC", "NSN-AC-HYBRID") if name in SOLVERS]
 TOL = 1e-10
@@ -38,6 +39,10 @@ def run(variant: str, problem: GlobalProblem | LocalProblem, **options: Any) -> 
         with pytest.raises(InputError, match="option linear: expected 'kkt' with a"):
             solve(problem, name, **wanted)
         pytest.skip("a local problem has no form without W")
+    if wanted.get("linear") == "two-level" and (isinstance(problem, LocalProblem) or problem.G is not None):
+        with pytest.raises(InputError, match="option linear: expected a global problem"):
+            solve(problem, name, **wanted)
+        pytest.skip("the bodies of W are not known")
     return solve(problem, name, **wanted)
 
 

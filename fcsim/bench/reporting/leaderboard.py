@@ -29,6 +29,7 @@ COLUMNS = (
     "Sum / least: that sum over the least sum of a solver on the same problems.",
     "Mean ratio, largest ratio: of the time over that of the fastest solver of the problem, over the problems that this solver solved: the "
     "geometric mean and the largest.",
+    "Every solver: solved problems of each group, and in brackets its mean ratio on them; how many a group has is in the header.",
     "Leads: the solver that stands first in the group's table: by what it solved, then by its sum; or by how often it says infeasible.",
     "Problems without a solution: the right answer is INFEASIBLE with its proof. A published error below the tolerance is possible all the "
     "same, since it is relative to the velocity without reactions. Median: of the time until the answer, the time limit where none came.",
@@ -89,6 +90,28 @@ def overview(groups: Sequence[Group], first: str, clock: str) -> tuple[Sequence[
         cells = next((standing_cells(row) for row in standing if row.solver == first), ["–"] * len(STANDING))
         rows.append([*about, standing[0].solver, cells[1], cells[3], cells[4], cells[6]])
     return header, rows
+
+
+def every_solver(groups: Sequence[Group], clock: str) -> tuple[Sequence[str], list[list[str]]]:
+    """Header and rows of a table of all solvers by groups, those of the most solved first: how many of its problems it solved, and the
+    geometric mean of its time over the fastest's on these; problems without a solution and groups of all are left out."""
+    own = [group for group in groups if group.name != ALL and group.solvable is not False]
+    found: dict[str, dict[int, Standing]] = defaultdict(dict)
+    for place, group in enumerate(own):
+        for row in standings(group, clock):
+            found[row.solver][place] = row
+    rows = []
+    for solver, by_group in found.items():
+        solved, measured = (sum(getattr(row, name) for row in by_group.values()) for name in ("solved", "measured"))
+        powers = [row.solved * math.log(row.ratio) for row in by_group.values() if row.solved]
+        ratio = math.exp(math.fsum(powers) / solved) if solved else math.nan
+        cells = [_of_group(by_group[place]) if place in by_group else "" for place in range(len(own))]
+        rows.append((-solved / measured, ratio, [solver, f"{solved} of {measured} ({number(ratio)})", *cells]))
+    return ("solver", "all", *(f"{group.name}, {len(group.problems)}" for group in own)), [row for *_, row in sorted(rows)]
+
+
+def _of_group(row: Standing) -> str:
+    return f"{row.solved} ({number(row.ratio)})" if row.solved else "0"
 
 
 def heading(group: Group) -> str:
@@ -159,6 +182,7 @@ def _html(groups: Mapping[float, Sequence[Group]], about: Circumstances, table_f
         last = {name: [g for g in parts if (g.name == ALL) == (name == ALL)] for name in (ALL, "")}
         unsolvable = [g for g in last[""] if g.solvable is False]
         sections.append((f"overview-{tolerance_name(tol)}", "Overview" + at, [table(*overview(parts, about.first, about.clock))]))
+        sections.append((f"every-{tolerance_name(tol)}", "Every solver" + at, [table(*every_solver(parts, about.clock))]))
         for anchor, title, chosen in (
             ("all", "All problems", last[ALL]),
             ("groups", "By family and folder", [g for g in last[""] if g.solvable is not False]),
@@ -214,6 +238,7 @@ def markdown(groups: Mapping[float, Sequence[Group]], about: Circumstances) -> s
     for tol, parts in groups.items():
         at = f" at {tolerance_name(tol)}" if len(groups) > 1 else ""
         lines += [f"## Overview{at}", "", *markdown_table(*overview(parts, about.first, about.clock)), ""]
+        lines += [f"## Every solver{at}", "", *markdown_table(*every_solver(parts, about.clock)), ""]
         for group in sorted(parts, key=lambda g: (g.name != ALL, g.solvable is False)):
             header, rows = group_table(group, about.clock)
             lines += [f"## {heading(group)}{at}", "", _said(group), "", *markdown_table(header, rows), ""]

@@ -30,6 +30,7 @@ from fcsim.solvers.newton.systems.choice import newton_system
 from fcsim.solvers.newton.systems.condensed import CondensedSystem, KeptCondensation
 from fcsim.solvers.newton.systems.interface import NewtonSystem
 from fcsim.solvers.newton.systems.over_ranks import KeptPreconditioner, SystemOverRanks
+from fcsim.solvers.newton.systems.two_level.alone import KeptTwoLevel, SystemByBodies
 from fcsim.solvers.scaling import RHO_RULES, adapt_rho, adaptive_range
 from fcsim.solvers.turns import Turns, to_the_end
 
@@ -37,6 +38,13 @@ FALLS, STALLED = 0.7, 3
 """Iterations since the error last fell below FALLS of its least: with each of them half as much may be left to statuses that are kept, and
 after STALLED of them joints are not solved one by one, and steps are shortened where that brings the error down, until it falls again.
 Kept statuses and joints may lead Newton's method in a circle; so do contacts that open one by one along a joint and close again."""
+
+_KEEPS: dict[type[NewtonSystem], type[Kept]] = {
+    CondensedSystem: KeptCondensation,
+    SystemOverRanks: KeptPreconditioner,
+    SystemByBodies: KeptTwoLevel,
+}
+"""What systems leave for the next problem."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,9 +107,8 @@ def local_turns(
     if iterate.status is Status.SOLVED and monitor.memory is not None and not once:
         known = (space.u.reshape(shape), iterate.r.reshape(shape), problem.mu, monitor.compliance)
         monitor.memory = with_velocities(monitor.memory, *known)
-    if monitor.memory is not None and isinstance(system, CondensedSystem | SystemOverRanks):
-        kind = KeptCondensation if isinstance(system, CondensedSystem) else KeptPreconditioner
-        left, memory = system.left(monitor.memory.identity), monitor.memory.without(kind)
+    if monitor.memory is not None and isinstance(system, CondensedSystem | SystemOverRanks | SystemByBodies):
+        left, memory = system.left(monitor.memory.identity), monitor.memory.without(_KEEPS[type(system)])
         monitor.memory = memory if left is None else memory.having(left)
     return iterate
 

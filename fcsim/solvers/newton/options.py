@@ -20,7 +20,8 @@ class NewtonOptions(Options):
     not descend; divergence: factor of the best error beyond which the iterates are called diverged; patience: iterations that must bring
     the best error below 0.7 of what it was, else the iterates are called stagnated (0: any number); longest: times ||F||, a longer step is
     not taken and W called singular; linear: how the linear system is solved, one of `systems.choice.SYSTEMS` ("auto"
-    chooses from size and density; "kkt" keeps the global or mixed form, see `kkt`).
+    chooses from size and density; "two-level" goes by joints and a coarse space of the bodies' motions, which must be known, see
+    `systems.two_level.system`; "kkt" keeps the global or mixed form, see `kkt`).
     """
 
     formulation: str = "AC"

@@ -16,6 +16,7 @@ from fcsim.solvers.base import Monitor
 from fcsim.solvers.newton.systems.condensed import CondensedSystem
 from fcsim.solvers.newton.systems.interface import NewtonSystem
 from fcsim.solvers.newton.systems.over_ranks import SystemOverRanks
+from fcsim.solvers.newton.systems.two_level.alone import SystemByBodies
 from fcsim.solvers.newton.systems.two_level.settling import NEAR, NEARLY, SMALL, STILL_WORTH, WORTH, SettlesJoints
 
 
@@ -69,7 +70,7 @@ class LocalSpace:
         self.exact = True
 
     def step(self, A: FloatArray, B: FloatArray, F: FloatArray) -> tuple[FloatArray, FloatArray]:
-        if isinstance(self._system, CondensedSystem | SystemOverRanks):
+        if isinstance(self._system, CondensedSystem | SystemOverRanks | SystemByBodies):
             self._system.needed, self._system.foreseen = self.needed, self.foreseen
         self._dr, self._Wdr = self._system.solve(A, B, -F)
         return self._dr, self._Wdr

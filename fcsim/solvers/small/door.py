@@ -36,6 +36,8 @@ ROWS = 1000
 """Rows of the history that are kept."""
 STATUSES = (Status.SOLVED, Status.MAX_ITERATIONS, Status.STAGNATED, Status.DIVERGED)
 OPTIONS = GaussSeidelOptions()
+SETTLED = (_gauss_seidel_kernels.NOT_HERE, _gauss_seidel_kernels.SOLVED)
+"""Ends after which no proof is tried that there is no solution."""
 
 
 def small(
@@ -70,7 +72,7 @@ def small(
         velocities = len(q) if problem.motion is None else problem.motion.M.shape[0]
         rules = AUTO_LOOK, AUTO_FIRST, AUTO_ALONE, AUTO_NEWTON, AUTO_BUDGET, velocities
         out = _automatic_kernels.solve_automatically(*arguments, *solving, *rules, 0, rows)
-        if out[0] != _gauss_seidel_kernels.NOT_HERE and out[2] and rows[: out[2], 1].min() > _automatic_kernels.FAR:
+        if out[0] not in SETTLED and out[2] and rows[: out[2], 1].min() > _automatic_kernels.FAR:
             certified = certificate(problem)
         if out[0] == _automatic_kernels.NO_ANSWER_YET and certified is None:
             noted, arguments = out[2], (*arguments[:3], out[3], *arguments[4:])
@@ -89,8 +91,8 @@ def small(
     checks = Checks(cone / (r_max or 1.0), dual_cone / (u_max or 1.0), abs(product) / ((r_size * u_size) or 1.0), penetration)
     remark = ""
     if status.solved and (r is not None or not noted or rows[0, 1] * OUTWEIGHED <= tol):  # else r = 0 has an error that counts
-        remark = outweighed(answer, u, q, problem.dimension, plain if error == "published" else scaled, scale, floor)
-    if status.solved and ROUND_OFF * r_size * W.diagonal().max() > BLURRED * tol * scale:
+        remark = outweighed(answer, u, q, problem.dimension, plain if error == "published" else scaled, scale, floor, tol)
+    if status.solved and ROUND_OFF * r_size * W.diagonal().max() * max(1.0, problem.mu.max()) > BLURRED * tol * scale:
         remark = "; ".join(filter(None, (remark, _blurred(problem, answer, scale, tol))))
     spent = time.perf_counter() - begun
     # a clock does not reach into compiled code: the seconds of the history are the sweeps' share
@@ -102,4 +104,5 @@ def small(
 
 def _blurred(problem: LocalProblem, r: FloatArray, scale: float, tol: float) -> str:
     """What `blurred` says of reactions r (m,)."""
-    return blurred(float(np.linalg.norm(np.repeat(problem.compliance, problem.dimension) * r)), 0.0, scale, tol)
+    z = float(np.linalg.norm(np.repeat(problem.compliance, problem.dimension) * r))
+    return blurred(z, 0.0, scale, tol, float(problem.mu[r[:: problem.dimension] > 0].max(initial=0.0)))

@@ -3,7 +3,7 @@
 Local form: min 0.5 x.W x + (q + g).x + I_K(z), x = z; global form: min 0.5 v.M v - f.v + I_K*(z), x = H^T v + w + g, x = z. Both read,
 with the scaled multiplier zeta (the local form's -zeta rho is the velocity u + g, the global form's is the reaction r):
 
-    1. x = linear step of z - zeta           (W + rho I or M + rho H H^T is factored once)
+    1. x = linear step of z - zeta           (W + rho I or M + rho H H^T is factored once), local form: with 0.5 eta ||x - x_before||^2
     2. x <- alpha x + (1 - alpha) z          (over-relaxation)
     3. z = P(x + zeta), zeta <- zeta + x - z
     4. g = (mu ||u_T||, 0, 0) from the present tangential velocity: Coulomb's law instead of the convex relaxation
@@ -11,7 +11,9 @@ with the scaled multiplier zeta (the local form's -zeta rho is the velocity u + 
 Sources: Boyd et al., Found. Trends Mach. Learn. 3, 2011 (ADMM, over-relaxation, residual balancing); Wohlberg, arXiv:1704.06209, 2017
 (scaled residuals); Goldstein, O'Donoghue, Setzer, Baraniuk, SIAM J. Imaging Sci. 7, 2014 (acceleration with restart); Ghadimi et al.,
 IEEE Trans. Automat. Control 60, 2015 (rho from the eigenvalues); Kanno 2021 and Siconos 4.4 (friction); Carpentier, Le Lidec, Montaut,
-"From compliant to rigid contact simulation", Robotics: Science and Systems 2024 (spectral update of rho).
+"From compliant to rigid contact simulation", Robotics: Science and Systems 2024 (spectral update of rho, proximal term eta). Their
+compliance R of the contacts, u = (W + R) r + q, is part of the problem's W here, as `Compliant` and joints with springs put it there, so
+that every method takes it; the eta of theirs is what keeps W + R + (rho + eta) I regular where rho falls.
 """
 
 from __future__ import annotations
@@ -49,7 +51,8 @@ class AdmmOptions(Options):
     the same for W = H^T M^-1 H. rho_update: constant, or times / over `balancing_factor` where primal and dual residual differ by more
     than `balancing_ratio`, at most every `balancing_interval` iterations, an interval that doubles with each change; "spectral": with the
     factor (lambda_max / lambda_min)^spectral_power of W, so that 1 / spectral_power changes lead from one eigenvalue to the other, and an
-    interval that stays (W alone, not with linear="kkt").
+    interval that stays (W alone, not with linear="kkt"). proximal: eta over ||W||, x is held to the last x by 0.5 eta ||x - x_before||^2
+    (W alone); where rho is updated spectrally, eta is also the least that lambda_min counts.
     relaxation: alpha in (0, 2); acceleration, `restart_eta`: its factor of decrease. symmetry: check whether W is symmetric, assume
     it, replace W by its symmetric part, or treat it as unsymmetric. rescaling of r and u: none, by one number, by one for each contact.
     linear: "kkt" works on the global form without W.
@@ -63,6 +66,7 @@ class AdmmOptions(Options):
     balancing_ratio: float = 5.0
     balancing_interval: int = 20
     spectral_power: float = 0.05
+    proximal: float = 0.0
     relaxation: float = 1.0
     acceleration: str = "accelerated with restart"
     restart_eta: float = 0.999
@@ -88,6 +92,8 @@ class AdmmOptions(Options):
         for name in ("balancing_factor", "balancing_ratio"):
             if not getattr(self, name) > 1:
                 raise InputError(f"option {name}: expected a number > 1, got {getattr(self, name)}")
+        if not 0 <= self.proximal < float("inf"):
+            raise InputError(f"option proximal: expected a number >= 0, got {self.proximal}")
         if self.balancing_interval < 1:
             raise InputError(f"option balancing_interval: expected an integer >= 1, got {self.balancing_interval}")
 
@@ -109,6 +115,8 @@ def admm_global(reduction: Reduction, r: FloatArray, monitor: Monitor, options: 
         raise InputError(f"option rescaling: expected 'none' with linear='kkt', got {options.rescaling!r}")
     if options.rho_update == "spectral":
         raise InputError("option rho_update: expected one that does without the eigenvalues of W with linear='kkt', got 'spectral'")
+    if options.proximal:
+        raise InputError(f"option proximal: expected 0 with linear='kkt', got {options.proximal}")
     p = reduction.problem
     HT = sp.csr_array(p.H.T)
 
@@ -177,7 +185,7 @@ def split_turns(vi: Inequality, r: FloatArray, watch: Watch, options: AdmmOption
     if operator is not vi.operator:
         vi = Inequality(operator, vi.q, vi.convex_set, vi.mu)
     symmetric = options.symmetry in ("assume", "symmetrise") or (options.symmetry == "check" and operator.symmetric)
-    splitting = LocalSplitting(vi, symmetric, monitor)
+    splitting = LocalSplitting(vi, symmetric, monitor, options.proximal * operator.norm if options.proximal else 0.0)
     try:
         rho = options.rho * _local_scale(operator, options.initial_rho)
         if not splitting.resume(rho):
@@ -246,7 +254,7 @@ def iterate(
         since += 1
         rho = splitting.rho
         sums = splitting_residuals(x, z, zeta, z_hat, zeta_hat)
-        primal, dual = math.sqrt(sums[0]), rho * math.sqrt(sums[1])
+        primal, dual = math.sqrt(sums[0]), rho * math.sqrt(sums[1]) + splitting.moved
         watch.speed = rho * math.sqrt(float(zeta @ zeta))  # u + g(u) = -rho zeta once it has converged
         status = watch.visit(splitting.answer(z, zeta), None, light.due(splitting.gain * primal + splitting.dual_gain * dual))
         if primal == 0 and dual == 0 and status is None:

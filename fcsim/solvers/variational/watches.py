@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from typing import Protocol
 
@@ -91,7 +92,7 @@ def least_residual(watch: Watch, rho: float, change: float) -> float:
     ||r - P_C(r - rho F)|| grows with rho and falls when divided by it, so that with 1 / s in the place of rho it is at least
     min(1, 1 / (rho s)) times this, contact by contact.
     """
-    return min(float(watch.compliance.min(initial=np.inf)), 1.0 / rho if rho else np.inf) * change
+    return min(float(watch.compliance.min(initial=np.inf)), 1.0 / rho if rho > 0 else math.inf) * change
 
 
 class LightCriterion:

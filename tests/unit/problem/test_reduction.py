@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -294,6 +295,13 @@ def test_badly_scaled_but_regular_matrices_are_taken() -> None:
     assert multiplier is not None
     assert_allclose(v, [0.5, 0], atol=1e-12)
     assert_allclose(multiplier, [-0.5e12], rtol=1e-12)
+    for unit in (1e-20, 1e-14):  # [kg] of grains of some micrometres, with constraints
+        p = replace(p, M=unit * sp.csr_array(np.array([[2.0, -1.0], [-1.0, 2.0]])), f=np.array([unit, 0.0]))
+        v, multiplier = reduce(p).velocity(np.zeros(2))
+        assert multiplier is not None
+        assert_allclose(v, [0.5, 0], atol=1e-12)
+        assert_allclose(multiplier, [-0.5 * unit], rtol=1e-12)
+        assert_allclose(dense(reduce(p).local.W), np.diag([0.5 / unit, 0]), atol=1e-12 / unit)
     A = np.array([[1e9, 3.0], [3.0, 1e-8]])
     assert_allclose(BlockFactor(A).solve(A @ [1.0, 1e8]), [1, 1e8], rtol=1e-9)
 

@@ -14,10 +14,13 @@ from fcsim.solvers.newton.systems.direct import DenseSystem, SparseSystem
 from fcsim.solvers.newton.systems.interface import NewtonSystem
 from fcsim.solvers.newton.systems.multifrontal import MultifrontalSystem
 from fcsim.solvers.newton.systems.over_ranks import KeptPreconditioner, SystemOverRanks
+from fcsim.solvers.newton.systems.two_level.alone import KeptTwoLevel, SystemByBodies
 from fcsim.solvers.newton.systems.velocity import VelocitySystem
 
-SYSTEMS = ("dense", "condensed", "multifrontal", "sparse")
-"""Names of the linear algebra for the option `linear` of Newton's methods, beside "auto" and "kkt"."""
+OF_ENTRIES = ("dense", "condensed", "multifrontal", "sparse")
+SYSTEMS = (*OF_ENTRIES, "two-level")
+"""Names of the linear algebra for the option `linear` of Newton's methods, beside "auto" and "kkt"; OF_ENTRIES: those that ask for no
+more than W."""
 
 IN_VELOCITIES_FROM = 300
 """Contact unknowns from which a regularised W of few degrees of freedom is eliminated in the bodies' velocities."""
@@ -40,13 +43,16 @@ def newton_system(
     stored as its elimination asks for (`Delassus.stored`): where contacts come in joints and that saves most of the work, multifrontal
     LU, unless a memory keeps what condensed elimination leaves for the next steps (which uses the joints too), or its bodies are known and
     it is large; where it is dense, condensed elimination where it may, dense LU else; otherwise sparse LU. A W over ranks is solved
-    with by all of them (`SystemOverRanks`).
+    with by all of them (`SystemOverRanks`), by "two-level" as by "auto".
     """
     if isinstance(operator.W, DistributedDelassus):
-        whole = partial(newton_system, linear=linear, condensing=condensing)
-        if linear != "auto":
+        whole = partial(newton_system, linear="auto" if linear == "two-level" else linear, condensing=condensing)
+        if linear not in ("auto", "two-level"):
             return whole(Delassus(operator.W.whole, operator.dimension, operator.shift))
         return SystemOverRanks(operator, whole, None if memory is None else memory.of_same_contacts(KeptPreconditioner))
+    if linear == "two-level":
+        by_bodies = None if memory is None else memory.of_same_contacts(KeptTwoLevel)
+        return SystemByBodies(operator, partial(newton_system, condensing=condensing), by_bodies)
     kept = memory.of_same_contacts(KeptCondensation) if condensing and memory is not None else None
     if linear == "auto":
         if eliminated_in_velocities(operator) and _regular(operator):
@@ -79,7 +85,7 @@ def _regular(operator: Delassus) -> bool:
 
 def without_a_factor(operator: Delassus) -> bool:
     """Whether bodies in joints are known behind a W so large that its systems are solved by two levels, without a factor of it."""
-    return operator.shares is not None and operator.size >= TWO_LEVEL_FROM
+    return operator.shares is not None and operator.shares.at_hand and operator.size >= TWO_LEVEL_FROM
 
 
 def _fitting(operator: Delassus, condensing: bool, *, keeps: bool, once: bool) -> str:

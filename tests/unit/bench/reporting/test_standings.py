@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from fcsim.bench.reporting.leaderboard import failures, group_table, heading, overview
+from fcsim.bench.reporting.leaderboard import every_solver, failures, group_table, heading, overview
 from fcsim.bench.reporting.standings import ALL, groups, refusals, standings
 from fcsim.bench.results import Measurement
 from fcsim.errors import InputError
@@ -123,6 +123,13 @@ def test_the_overview_says_who_leads() -> None:
         ["towers, 3D", "1", "1", "B", "1 of 1", "750 ms", "1", "1"],
         ["all, 3D", "4", "3", "A", "2 of 4", "≥ 12.8 s", "1.06", "2"],
     ]
+
+
+def test_every_solver_by_groups() -> None:
+    """p: 1 and 2 s, q: 8 s by A alone, t: 3 and 0.75 s; k is solved by none, s has no solution."""
+    header, rows = every_solver(groups(ROWS, OF, 1e-8), "wall")
+    assert header == ("solver", "all", "piles, 3", "towers, 1")
+    assert rows == [["A", "3 of 4 (1.59)", "2 (1)", "1 (4)"], ["B", "2 of 4 (1.41)", "1 (2)", "1 (1)"]]
 
 
 def test_who_fails_on_what() -> None:

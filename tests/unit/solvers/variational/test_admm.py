@@ -277,3 +277,29 @@ def test_the_spectral_update_needs_the_local_form(global_problem: GlobalProblem)
         solve(global_problem, "ADMM-SPECTRAL", linear="kkt")
     with pytest.raises(InputError, match="spectral_power"):
         solve(global_problem, "ADMM-SPECTRAL", spectral_power=1.0)
+
+
+def test_the_proximal_term_holds_x_to_the_last_one(coulomb_problems: Problems, global_problem: GlobalProblem) -> None:
+    """(W + (rho + eta) I) x = rho a + eta x_before - q - g, as published; the spectral update counts with eta where that is above the least
+    eigenvalue; the answer stays the problem's."""
+    p = coulomb_problems["full rank"]()
+    L, rng = float(np.linalg.norm(p.W, 2)), np.random.default_rng(0)
+    rho, eta = 0.7 * L, 0.2 * L
+    splitting = LocalSplitting(Inequality.coulomb(p), True, eta=eta)
+    splitting.set_rho(rho)
+    x, _ = splitting.start(rng.standard_normal(p.m))
+    for _ in range(3):
+        a, g = rng.standard_normal((2, p.m))
+        expected = np.linalg.solve(p.W + (rho + eta) * np.eye(p.m), rho * a + eta * x - p.q - g)
+        found = splitting.linear(a, g)
+        assert_allclose(found, expected, rtol=0, atol=1e-12 * np.abs(expected).max())
+        assert_allclose(splitting.moved, eta * np.linalg.norm(expected - x), rtol=1e-10)
+        x = expected
+    assert_allclose(splitting.condition, L / eta, rtol=0.05)
+    plain, held = (solve(p, "ADMM-SPECTRAL", tol=1e-10, proximal=share) for share in (0.0, 0.2))
+    assert plain.solved and held.solved
+    assert_allclose(held.u, plain.u, atol=1e-8 * np.abs(p.q).max())
+    with pytest.raises(InputError, match="proximal"):
+        solve(global_problem, "ADMM", linear="kkt", proximal=1e-6)
+    with pytest.raises(InputError, match="proximal"):
+        solve(p, "ADMM", proximal=-1e-6)

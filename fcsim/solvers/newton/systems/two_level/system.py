@@ -26,10 +26,11 @@ anywhere: Newton's method does better without.
 A joint's Q is computed anew where A or B of one of its contacts has changed by more than CHANGED: P is that of A and B with these changes.
 So it goes from iteration to iteration and, with E and G of the earlier W, from step to step, where entries of W need not be summed at all.
 
-Sources: C. Farhat, F.-X. Roux, Int. J. Numer. Methods Eng. 32, 1991 (rigid motions as the coarse problem of interface forces); X.-C. Cai,
-M. Sarkis, SIAM J. Sci. Comput. 21, 1999 (restricted additive Schwarz); N. Spillane, D. J. Rixen, Int. J. Numer. Methods Eng. 95, 2013
-(motions that join the rigid ones); Y. Saad, M. H. Schultz, SIAM J. Sci. Stat. Comput. 7, 1986 (GMRES). That friction is in Q and in the
-coarse matrix is our own.
+Sources: R. A. Nicolaides, SIAM J. Numer. Anal. 24, 1987 (a coarse space of what is constant on a part); J. Mandel, Commun. Numer. Methods
+Eng. 9, 1993 (of a part's rigid motions); C. Farhat, F.-X. Roux, Int. J. Numer. Methods Eng. 32, 1991 (these of interface forces);
+X.-C. Cai, M. Sarkis, SIAM J. Sci. Comput. 21, 1999 (restricted additive Schwarz); N. Spillane, D. J. Rixen, Int. J. Numer. Methods Eng. 95,
+2013 (motions that join the rigid ones); Y. Saad, M. H. Schultz, SIAM J. Sci. Stat. Comput. 7, 1986 (GMRES). That friction is in Q and in
+the coarse matrix is our own.
 """
 
 from __future__ import annotations

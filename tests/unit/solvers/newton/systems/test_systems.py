@@ -14,7 +14,7 @@ from fcsim.problem import Delassus, GlobalProblem
 from fcsim.solvers.newton.kkt import _SaddleMatrix
 from fcsim.solvers.newton.systems import condensed as condensed_system
 from fcsim.solvers.newton.systems.border import empty_border, extended
-from fcsim.solvers.newton.systems.choice import SYSTEMS, newton_system
+from fcsim.solvers.newton.systems.choice import OF_ENTRIES, newton_system
 from fcsim.solvers.newton.systems.condensed import ACCURACY, FORCING
 from fcsim.solvers.newton.systems.condensed import CondensedSystem as Condensed
 from fcsim.solvers.newton.systems.direct import DenseSystem, SparseSystem
@@ -64,7 +64,7 @@ ZONES: dict[str, list[float]] = {
 
 @pytest.mark.parametrize("zones", ZONES)
 @pytest.mark.parametrize("d", [2, 3])
-@pytest.mark.parametrize("name", SYSTEMS)
+@pytest.mark.parametrize("name", OF_ENTRIES)
 def test_one_step(name: str, d: int, zones: str) -> None:
     rng = np.random.default_rng(1)
     W = delassus(12, d, 2)
@@ -165,7 +165,7 @@ def test_columns_in_single_precision_by_a_factor_in_double(
         assert (system._condensation.held.dtype, system._condensation.border.dtype) == precisions
 
 
-@pytest.mark.parametrize("name", SYSTEMS)
+@pytest.mark.parametrize("name", OF_ENTRIES)
 @pytest.mark.parametrize("d", [2, 3])
 def test_a_shift_is_part_of_the_operator(name: str, d: int) -> None:
     """(A (W + D) + B) dr = rhs and (W + D) dr, for a shift given at once or later, which leaves the first system as it was."""
@@ -277,7 +277,7 @@ def test_condensed_system_takes_an_operator_that_is_not_positive_definite() -> N
         assert_allclose(system.solve(A, B, rhs)[0], reference_step(W, A, B, rhs), rtol=1e-8, atol=1e-10)
 
 
-@pytest.mark.parametrize("name", SYSTEMS)
+@pytest.mark.parametrize("name", OF_ENTRIES)
 def test_singular_system_is_refused(name: str) -> None:
     """Two sticking contacts at the same point of one body: equal rows, the same number of pivots short."""
     W = np.kron(np.ones((2, 2)), np.diag([1.0, 2.0, 3.0]))

@@ -5,10 +5,11 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 import pytest
@@ -16,14 +17,17 @@ import scipy.linalg as sla
 import scipy.sparse as sp
 from numpy.testing import assert_allclose, assert_array_equal
 
-from fcsim import SolverSettings
+from fcsim import GlobalProblem, InputError, SolverSettings
 from fcsim.linear.joints import BlockRows
 from fcsim.problem.bodies.product import ShareProduct
 from fcsim.problem.bodies.shares import BodyShares, KnownShares, compliant_motions, shares_of
+from fcsim.problem.reduction import reduce
 from fcsim.running.case import load_case
 from fcsim.running.parameters import parse_parameters
+from fcsim.solvers import solve
 from fcsim.solvers.newton.systems import condensed
 from fcsim.solvers.newton.systems.two_level import _joint_kernels as kernels
+from fcsim.solvers.newton.systems.two_level import alone
 from fcsim.solvers.newton.systems.two_level import system as two_level
 from fcsim.solvers.newton.systems.two_level.joints import Joints
 from fcsim.solvers.newton.systems.two_level.system import TwoLevelSystem
@@ -34,11 +38,11 @@ SHORT = {"steps": "4", "gravity_last": "2"}
 """The whole weight within step 2: contacts slide."""
 
 
-def walls(tol: float = 1e-9, **given: str) -> Iterator[Step]:
-    """Steps of a wall."""
+def walls(tol: float = 1e-9, options: Mapping[str, object] = MappingProxyType({}), **given: str) -> Iterator[Step]:
+    """Steps of a wall by NSN-AC with these options."""
     script = load_case(CASE)
     case = script.build(parse_parameters(script, {**SHORT, **given}))
-    return iter(replace(case.simulation, solver=SolverSettings(name="NSN-AC", tol=tol, fallback=())))
+    return iter(replace(case.simulation, solver=SolverSettings(name="NSN-AC", tol=tol, options=options, fallback=())))
 
 
 @cache
@@ -85,6 +89,58 @@ def test_the_shares_are_those_of_W() -> None:
     assert found is not None
     Wx = rows.W @ x
     assert_allclose(ShareProduct(shares).affine(x, np.zeros_like(x)), Wx, atol=1e-13 * np.abs(Wx).max())
+
+
+def test_by_its_name_it_finds_the_bodies_in_M(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The global problem of a wall as a file has it: its bodies' shares, from the blocks of M, sum to W, and Newton's method with these
+    alone arrives where it does without; what is asked for by name is not left to another system."""
+    p = step_of("3", "3.5").reduction.problem
+    assert isinstance(p, GlobalProblem)
+    local = reduce(p).local
+    known = local.delassus.shares
+    assert known is not None and not known.at_hand
+    shares = known.make()
+    assert shares.bodies() is not None
+    x = np.random.default_rng(0).standard_normal(p.m)
+    Wx = local.W @ x
+    assert_allclose(ShareProduct(shares).affine(x, np.zeros_like(x)), Wx, atol=1e-13 * np.abs(Wx).max())
+    monkeypatch.setattr(alone.SystemByBodies, "solve", without_another)
+    found, reference = (solve(p, "NSN-AC", tol=1e-9, linear=linear) for linear in ("two-level", "kkt"))
+    assert found.solved and reference.solved
+    assert_allclose(found.u, reference.u, atol=1e-6 * np.abs(reference.u).max())
+
+
+def without_another(system: alone.SystemByBodies, A: np.ndarray, B: np.ndarray, rhs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """`SystemByBodies.solve`, which must not go on by another system."""
+    assert system._two_level is not None
+    found = system._two_level.solve(A, B, rhs, system.needed, system.foreseen)
+    assert found is not None
+    return found
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_bodies_of_all_kinds_in_M(d: int) -> None:
+    """Blocks that LAPACK factors, small ones, unknowns that M couples to nothing, and a body that no contact touches; what is not symmetric
+    is refused."""
+    rng = np.random.default_rng(d)
+    sizes = (9, 9, 3, 5, 1, 1, 1, 8)
+    blocks = [np.eye(n) + 0.1 * (Y := rng.standard_normal((n, n))) @ Y.T for n in sizes]
+    M = sla.block_diag(*blocks)
+    first = np.concatenate([[0], np.cumsum(sizes)])
+    H = np.zeros((len(M), 6 * d))
+    for a, (i, j) in enumerate([(0, 1), (1, 2), (2, 3), (3, 4), (4, 6), (5, 0)]):
+        for b in (i, j):
+            H[first[b] : first[b + 1], d * a : d * a + d] = rng.standard_normal((sizes[b], d))
+    given = (sp.csc_array(H), np.ones(len(M)), np.zeros(6 * d), np.full(6, 0.3))
+    known = reduce(GlobalProblem(sp.csr_array(M), *given, dimension=d)).local.delassus.shares
+    assert known is not None
+    shares, x = known.make(), rng.standard_normal(6 * d)
+    W = H.T @ np.linalg.solve(M, H)
+    assert_allclose(ShareProduct(shares).affine(x, x), W @ x + x, atol=1e-12)
+    M[0, 3] += 0.3
+    turned = GlobalProblem(sp.csr_array(M), *given, dimension=d)
+    with pytest.raises(InputError, match="M: expected a symmetric matrix"):
+        solve(turned, "NSN-AC", linear="two-level")
 
 
 def test_what_is_left_beside_the_compliant_motions_is_small_and_positive_semidefinite() -> None:
