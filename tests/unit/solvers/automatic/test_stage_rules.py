@@ -108,7 +108,12 @@ def test_in_joints_admm_is_first_where_newton_is_dear(changes: dict[str, Any], i
 
 @pytest.mark.parametrize(
     ("changes", "stays"),
-    [({"keeps": True}, True), ({"keeps": True, "in_velocities": True}, False), ({}, False), ({"shares": SimpleNamespace(at_hand=True), "nc": 6667}, False)],
+    [
+        ({"keeps": True}, True),
+        ({"keeps": True, "in_velocities": True}, False),
+        ({}, False),
+        ({"shares": SimpleNamespace(at_hand=True), "nc": 6667}, False),
+    ],
 )
 def test_newton_keeps_its_systems_for_the_next_steps(changes: dict[str, Any], stays: bool) -> None:
     """Of bodies with many velocities; without a memory only in joints (above)."""
