@@ -116,7 +116,7 @@ class Reduction:
         if isinstance(source := source_of(W), LateSum):
             return KnownShares(W, lambda: source.shares)
         make = None if self.problem.G is not None else self.factor.shares(self._H, self.problem.dimension)
-        return None if make is None else KnownShares(W, make, at_hand=not isinstance(self.factor, BlockFactor))
+        return None if make is None else KnownShares(W, make)
 
     @limited_threads()
     def velocity(self, r: FloatArray) -> tuple[FloatArray, FloatArray | None]:

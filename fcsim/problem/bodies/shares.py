@@ -114,12 +114,10 @@ def compliant_motions(C: FloatArray, k: int) -> FloatArray:
 
 @dataclass(frozen=True, eq=False)
 class KnownShares:
-    """What makes the shares of W, for those who ask for them; W: the very matrix that they are known for, as in `Motion`; at_hand: whether
-    the bodies' compliances are there already, as in a simulation, or are formed anew, as from the blocks of a file's M."""
+    """What makes the shares of W, for those who ask for them; W: the very matrix that they are known for, as in `Motion`."""
 
     W: Matrix
     make: Callable[[], BodyShares]
-    at_hand: bool = True
 
     __repr__ = brief
 

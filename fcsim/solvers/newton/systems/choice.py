@@ -85,7 +85,7 @@ def _regular(operator: Delassus) -> bool:
 
 def without_a_factor(operator: Delassus) -> bool:
     """Whether bodies in joints are known behind a W so large that its systems are solved by two levels, without a factor of it."""
-    return operator.shares is not None and operator.shares.at_hand and operator.size >= TWO_LEVEL_FROM
+    return operator.shares is not None and operator.size >= TWO_LEVEL_FROM
 
 
 def _fitting(operator: Delassus, condensing: bool, *, keeps: bool, once: bool) -> str:

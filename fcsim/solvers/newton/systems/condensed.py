@@ -112,7 +112,6 @@ class CondensedSystem(SettlesJoints[TwoLevelSystem]):
         self._preconditioned = None if self._rows is None else system_of_joints(self._rows, None if kept is None else kept.blocks)
         self.needed, self.foreseen = 0.0, False  # as in `NewtonSpace`; 0: not known
         known = operator.shares if operator.shift is None and operator.size >= TWO_LEVEL_FROM else None
-        known = known if known is not None and known.at_hand else None
         self._two_level = (
             None if known is None or self._rows is None else TwoLevelSystem(self._rows, known, None if kept is None else kept.two_level)
         )

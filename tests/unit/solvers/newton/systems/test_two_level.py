@@ -98,7 +98,7 @@ def test_by_its_name_it_finds_the_bodies_in_M(monkeypatch: pytest.MonkeyPatch) -
     assert isinstance(p, GlobalProblem)
     local = reduce(p).local
     known = local.delassus.shares
-    assert known is not None and not known.at_hand
+    assert known is not None
     shares = known.make()
     assert shares.bodies() is not None
     x = np.random.default_rng(0).standard_normal(p.m)
