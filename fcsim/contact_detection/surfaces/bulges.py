@@ -24,7 +24,7 @@ from __future__ import annotations
 import numpy as np
 
 from fcsim.arrays import BoolArray, FloatArray, IntArray
-from fcsim.contact_detection.surfaces.evident_curves import evident_sides
+from fcsim.contact_detection.surfaces.evident_curves import AGREE, evident_sides
 
 LEVEL = 1e-9
 """Of a facet's size: less is round-off, and the facet is flat."""
@@ -74,8 +74,10 @@ def _both_ways(
     uneven = _uneven(vertex, real, size)
     means[uneven] = n[uneven] = np.nan
     own = n[vertex]
+    own[~real] = np.nan  # triangles among quadrilaterals
     towards = np.einsum("fkd,fkld->fkl", own, x[:, :, None] - x[:, None])
     B = towards / (1.0 + np.einsum("fkd,fd->fk", own, normal))[:, :, None]
+    B = np.where(real[:, None], B, np.nan)
     f, at = np.nonzero(real if x.shape[2] == 3 else real[:, :1])
     to = (at + 1) % sides[f]
     return B, (f, at, evident_sides(vertex[f, at], vertex[f, to], x[f, to] - x[f, at], means))
@@ -92,14 +94,17 @@ def _smaller(B: FloatArray, sides: IntArray, size: FloatArray) -> FloatArray | N
 
 
 def _of_curves(B: FloatArray, sides: IntArray, f: IntArray, at: IntArray, evident: BoolArray) -> FloatArray:
-    """B with 0 along sides (f, at) of no evident curve, but where all others of a triangle are of one, or as good as flat (`SLIGHTLY`);
+    """B with 0 along sides (f, at) of no evident curve, but of a triangle with a side of one where all others are of one, or as good as
+    flat (`SLIGHTLY`), or where the side is bent at both ends alike;
     along the diagonals of a quadrilateral with a bent side that is of none what the others say of a surface without twist."""
     to = (at + 1) % sides[f]
     own = np.maximum(np.abs(B[f, at, to]), np.abs(B[f, to, at]))
     flat = own <= SLIGHTLY * np.nanmax(np.abs(B), axis=(1, 2), initial=0.0)[f]
     without = np.bincount(f[~(evident | flat)], minlength=len(B))[f]
     some = np.bincount(f[evident & ~flat], minlength=len(B))[f] > 0
-    none = ~evident & ~((sides[f] == 3) & some & (without <= 1))
+    forth, back = B[f, at, to], B[f, to, at]
+    even = (forth * back > 0) & (np.abs(forth - back) <= AGREE * own)
+    none = ~evident & ~((sides[f] == 3) & some & ((without <= 1) | even))
     B = B.copy()
     B[f[none], at[none], to[none]] = B[f[none], to[none], at[none]] = 0.0
     four = np.unique(f[none & ~flat & (sides[f] == 4)])
