@@ -113,7 +113,8 @@ def test_facets_in_space_have_the_heights_of_their_surface(shape: str, corners: 
 
 def test_triangles_beside_a_block_have_the_heights_that_they_have_alone() -> None:
     """The side of a cylinder in triangles of uneven shapes, whose nodes stand in rows of four as those of a model with quadrilaterals do:
-    the same heights whatever is number 0, a corner of the block or one of its own, and away from the rims nine tenths and more of what it is over its chords."""
+    the same heights whatever is number 0, a corner of the block or one of its own, and away from the rims nine tenths and more of what it
+    is over its chords."""
     random = np.random.default_rng(3)
     around, high = 24, 8
     a, z = np.meshgrid(np.arange(around) + 0.0, np.arange(high + 1) + 0.0, indexing="ij")
