@@ -178,7 +178,7 @@ class Everything:
             unseen = shallow_vertices(self.skin, shape, among, unseen)
             vertices = VertexContacts._make(np.concatenate(both) for both in zip(vertices, unseen, strict=True))
         vertices = smoothed(self.skin, shape, vertices, self.smoothed_bodies, self.patches)
-        return self._contacts(x, vertices, edges, bulge_of(self.skin, shape, self.bulge, vertices, edges)), beyond
+        return self._contacts(x, vertices, edges, bulge_of(self.skin, shape, self.bulge, self.patches, vertices, edges)), beyond
 
     def _may_touch(self, near: NearBodies) -> NearBodies:
         a, b = near.bodies.T

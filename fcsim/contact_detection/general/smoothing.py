@@ -57,15 +57,29 @@ def bulges_of_skin(
     return every
 
 
-def bulge_of(skin: Skin, shape: Shape, bulge: FloatArray | None, vertices: VertexContacts, edges: EdgeContacts) -> FloatArray | None:
-    """How far (nc,) [m] along the contacts' normals surfaces are over their facets at vertices on facets, then at edges; None: flat."""
+def bulge_of(
+    skin: Skin, shape: Shape, bulge: FloatArray | None, patch: IntArray, vertices: VertexContacts, edges: EdgeContacts
+) -> FloatArray | None:
+    """How far (nc,) [m] along the contacts' normals surfaces are over their facets at vertices on facets, then at edges; None: flat.
+
+    Where an edge joins facets of one patch (nf,) that is the mean of both heights. Along a sharp one, the rim of a cylinder's end, the
+    true edge is off the chord by d in the span of both normals, d . n_f = b_f and d . n_g = b_g, and d along the contact's normal counts.
+    """
     if bulge is None:
         return None
     at_vertices, at_edges = heights(bulge, vertices.facet, vertices.weights), np.zeros(len(edges.gap))
     at_vertices *= np.einsum("cd,cd->c", vertices.normal, shape.normal[vertices.facet])
-    for k in range(2):
+    for k, outwards in enumerate((-edges.normal, edges.normal)):
         ends, s = skin.edges[edges.edges[:, k]], edges.place[:, k]
-        for facet in skin.edge_facets[edges.edges[:, k]].T:
+        pair = skin.edge_facets[edges.edges[:, k]].T
+        b = []
+        for facet in pair:
             on_edge = [(skin.facets[facet] == ends[:, j, None]) & skin.real[facet] for j in range(2)]
-            at_edges += heights(bulge, facet, np.where(on_edge[0], 1.0 - s[:, None], np.where(on_edge[1], s[:, None], 0.0))) / 2
+            b.append(heights(bulge, facet, np.where(on_edge[0], 1.0 - s[:, None], np.where(on_edge[1], s[:, None], 0.0))))
+        n = shape.normal[pair]
+        towards = np.einsum("fcd,cd->fc", n, outwards)
+        c = np.einsum("cd,cd->c", *n)
+        sharp = patch[pair[0]] != patch[pair[1]]
+        across = (b[0] - c * b[1]) * towards[0] + (b[1] - c * b[0]) * towards[1]
+        at_edges += np.where(sharp, across / np.where(sharp, 1.0 - c * c, 1.0), 0.5 * (b[0] + b[1]))
     return np.concatenate([at_vertices, at_edges])

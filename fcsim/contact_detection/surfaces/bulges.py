@@ -24,7 +24,7 @@ from __future__ import annotations
 import numpy as np
 
 from fcsim.arrays import BoolArray, FloatArray, IntArray
-from fcsim.contact_detection.surfaces.evident_curves import evident_sides
+from fcsim.contact_detection.surfaces.evident_curves import AGREE, evident_sides
 
 LEVEL = 1e-9
 """Of a facet's size: less is round-off, and the facet is flat."""
@@ -63,22 +63,26 @@ def bulges_of_all_edges(
 
 def _both_ways(
     nodes: IntArray, sides: IntArray, points: FloatArray, normal: FloatArray, size: FloatArray, patch: IntArray
-) -> tuple[FloatArray, tuple[IntArray, IntArray, BoolArray]]:
+) -> tuple[FloatArray, tuple[IntArray, IntArray, BoolArray, BoolArray]]:
     """B_kl (nf, k, k) [m] by the normal at k alone, nan where that is unknown; and the sides (facet, corner) with whether they belong to
-    evident curves, by the normals as they are at the rim."""
+    evident curves, by the normals as they are at the rim, and whether those of an end were carried on."""
     real = np.arange(nodes.shape[1]) < sides[:, None]
     vertex = np.zeros_like(nodes)
     vertex[real] = np.unique((nodes * (1 + patch.max()) + patch[:, None])[real], return_inverse=True)[1]
     x = points[nodes]
     means, n = _normals(vertex, real, sides, x, normal)
+    carried = (n != means).any(axis=1)
     uneven = _uneven(vertex, real, size)
     means[uneven] = n[uneven] = np.nan
     own = n[vertex]
+    own[~real] = np.nan  # triangles among quadrilaterals
     towards = np.einsum("fkd,fkld->fkl", own, x[:, :, None] - x[:, None])
     B = towards / (1.0 + np.einsum("fkd,fd->fk", own, normal))[:, :, None]
+    B = np.where(real[:, None], B, np.nan)
     f, at = np.nonzero(real if x.shape[2] == 3 else real[:, :1])
     to = (at + 1) % sides[f]
-    return B, (f, at, evident_sides(vertex[f, at], vertex[f, to], x[f, to] - x[f, at], means))
+    first, second = vertex[f, at], vertex[f, to]
+    return B, (f, at, evident_sides(first, second, x[f, to] - x[f, at], means), carried[first] | carried[second])
 
 
 def _smaller(B: FloatArray, sides: IntArray, size: FloatArray) -> FloatArray | None:
@@ -91,15 +95,18 @@ def _smaller(B: FloatArray, sides: IntArray, size: FloatArray) -> FloatArray | N
     return B if B.any() else None
 
 
-def _of_curves(B: FloatArray, sides: IntArray, f: IntArray, at: IntArray, evident: BoolArray) -> FloatArray:
-    """B with 0 along sides (f, at) of no evident curve, but where all others of a triangle are of one, or as good as flat (`SLIGHTLY`);
-    along the diagonals of a quadrilateral with a bent side that is of none what the others say of a surface without twist."""
+def _of_curves(B: FloatArray, sides: IntArray, f: IntArray, at: IntArray, evident: BoolArray, carried: BoolArray) -> FloatArray:
+    """B with 0 along sides (f, at) of no evident curve, but of a triangle with a side of one where all others are of one, or as good as
+    flat (`SLIGHTLY`), or where the side is bent alike at both ends, by normals that are not carried on; along the diagonals of a
+    quadrilateral with a bent side that is of none what the others say of a surface without twist."""
     to = (at + 1) % sides[f]
     own = np.maximum(np.abs(B[f, at, to]), np.abs(B[f, to, at]))
     flat = own <= SLIGHTLY * np.nanmax(np.abs(B), axis=(1, 2), initial=0.0)[f]
     without = np.bincount(f[~(evident | flat)], minlength=len(B))[f]
     some = np.bincount(f[evident & ~flat], minlength=len(B))[f] > 0
-    none = ~evident & ~((sides[f] == 3) & some & (without <= 1))
+    forth, back = B[f, at, to], B[f, to, at]
+    even = ~carried & (forth * back > 0) & (np.abs(forth - back) <= AGREE * own)
+    none = ~evident & ~((sides[f] == 3) & some & ((without <= 1) | even))
     B = B.copy()
     B[f[none], at[none], to[none]] = B[f[none], to[none], at[none]] = 0.0
     four = np.unique(f[none & ~flat & (sides[f] == 4)])

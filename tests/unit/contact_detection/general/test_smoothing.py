@@ -11,7 +11,7 @@ from fcsim.contact_detection import Contacts, Everything
 from fcsim.errors import InputError
 from fcsim.mesh.blocks import brick, rigid_box
 from fcsim.mesh.material import Material
-from fcsim.mesh.part import Body, RigidBody
+from fcsim.mesh.part import Body, Part, RigidBody
 from tests.unit.contact_detection.general.strips import arc, strip
 
 STONE = Material(1e9, 0.2, 2000.0)
@@ -134,3 +134,24 @@ def test_ridges_and_teeth_of_flat_faces_are_no_curve(cell: str, profile: tuple[i
     patch = everything.skin.patch[everything.reference_normals[:, 2] > 0.8]
     flats = 1 + np.count_nonzero(np.diff(profile, 2))
     assert len(np.unique(patch)) == (1 if curved else flats)
+
+
+@pytest.mark.parametrize("around", [18, 40])
+@pytest.mark.parametrize("turn", [0.0, 0.1])
+def test_the_rim_of_a_flat_end_lies_in_its_plane(around: int, turn: float) -> None:
+    """The end of a coarse tube on a bar whose edges cross its rims: they touch without gap or overlap, as flat faces do, though the side's
+    facets are chords of a circle and up to 1.5 % of the radius below it."""
+    angle = 2 * np.pi * np.arange(around) / around
+    ring = np.column_stack([np.cos(angle), np.sin(angle)])
+    points = np.concatenate([np.column_stack([r * ring, np.full(around, z)]) for z in (0.0, 0.5) for r in (0.6, 1.0)])
+    i, j = np.arange(around), np.roll(np.arange(around), -1)
+    side = np.column_stack([i, around + i, around + j, j])
+    part = Part("tube", points, np.hstack([side, 2 * around + side]), "hexahedron", {}, STONE)
+    c, s = np.cos(turn), np.sin(turn)
+    tube = Body("tube", part, [[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    model = build_model([rigid_box("bar", (4.0, 0.5, 0.3), (0.0, 0.0, -0.15), 1.0), tube])
+    everything = Everything(model, 0.5)
+    found = everything(model.reference)
+    assert everything.bulge is not None and len(found) >= 16
+    assert_allclose(found.frame[:, 0], np.tile([0.0, 0.0, 1.0], (len(found), 1)), atol=1e-12)
+    assert_allclose(found.gap, 0.0, atol=1e-12)

@@ -111,6 +111,47 @@ def test_facets_in_space_have_the_heights_of_their_surface(shape: str, corners: 
         assert b[at_rim] == pytest.approx(exact[at_rim], abs=0.3 * np.abs(exact).max())
 
 
+def test_triangles_beside_a_block_have_the_heights_that_they_have_alone() -> None:
+    """The side of a cylinder in triangles of uneven shapes, whose nodes stand in rows of four as those of a model with quadrilaterals do:
+    the same heights whatever is number 0, a corner of the block or one of its own, and away from the rims nine tenths and more of what it
+    is over its chords."""
+    random = np.random.default_rng(3)
+    around, high = 24, 8
+    a, z = np.meshgrid(np.arange(around) + 0.0, np.arange(high + 1) + 0.0, indexing="ij")
+    a += random.uniform(-0.25, 0.25, a.shape)
+    z[:, 1:-1] += random.uniform(-0.25, 0.25, (around, high - 1))
+    angle = 2 * np.pi * a.ravel() / around
+    points = np.column_stack([np.cos(angle), np.sin(angle), 2 * np.pi / around * z.ravel()])
+    at = np.vstack([np.arange(len(points)).reshape(around, high + 1), np.arange(high + 1)])
+    quads = np.stack([at[:-1, :-1], at[1:, :-1], at[1:, 1:], at[:-1, 1:]], axis=-1).reshape(-1, 4)
+    triangles = np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
+
+    def middles(order: np.ndarray, block: bool) -> np.ndarray:
+        nodes = (8 if block else 0) + triangles[order][:, [0, 1, 2, 0]]
+        p = points[triangles[order]]
+        normal = np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0])
+        sides, place, patch = np.full(len(nodes), 3), points, np.zeros(len(nodes), np.int64)
+        if block:
+            nodes = np.vstack([np.arange(8).reshape(2, 4), nodes])
+            square = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+            place = np.vstack([np.column_stack([square, [-1.0] * 4]), np.column_stack([square, [-2.0] * 4]), points])
+            normal = np.vstack([[0.0, 0.0, 4.0], [0.0, 0.0, 4.0], normal])
+            sides, patch = np.append([4, 4], sides), np.append([1, 2], patch)
+        size = np.sqrt(np.linalg.norm(normal, axis=1))
+        found = bulges(nodes, sides, place, normal / size[:, None] ** 2, size, patch)
+        assert found is not None
+        return heights(found[-len(triangles) :], np.arange(len(triangles)), np.full((len(triangles), 3), 1 / 3))
+
+    as_made, backwards = np.arange(len(triangles)), np.arange(len(triangles))[::-1]
+    alone = middles(as_made, False)
+    assert middles(as_made, True) == pytest.approx(alone, abs=1e-15)
+    assert middles(backwards, False)[::-1] == pytest.approx(alone, abs=1e-15)
+    depth = 1.0 - np.linalg.norm(points[triangles].mean(axis=1)[:, :2], axis=1)
+    inner = ((triangles % (high + 1) > 0) & (triangles % (high + 1) < high)).all(axis=1)
+    assert (alone >= 0.0).all()
+    assert alone[inner].sum() == pytest.approx(depth[inner].sum(), rel=0.1)
+
+
 def test_flat_faces_and_corners_of_a_block_have_none() -> None:
     model = build_model([Body("block", brick("block", (1.0, 1.0, 1.0), (3, 2, 2), STEEL))])
     assert contact_surface(model, [("block", side) for side in ("z+", "x+", "y-")]).bulge is None
