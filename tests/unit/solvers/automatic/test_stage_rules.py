@@ -72,7 +72,7 @@ def test_admm_enters_where_sweeps_need_more(changes: dict[str, Any], enters: boo
         ({"joints": object(), "holds": 1.1}, newton(spent=300.0), True),
         ({"joints": object(), "holds": 1.1}, newton(iterations=5, spent=50.0, result=ENDED), True),
         ({"joints": object(), "holds": 1.0}, newton(iterations=5, spent=50.0), True),
-        ({"joints": object(), "holds": 1.1, "warm": True}, newton(iterations=5, spent=50.0), True),
+        ({"joints": object(), "holds": 1.1, "warm": True}, newton(iterations=5, spent=50.0), False),
     ],
 )
 def test_admm_waits_for_proximal_newton_in_the_bodies_velocities(changes: dict[str, Any], proximal: Shown, enters: bool) -> None:
