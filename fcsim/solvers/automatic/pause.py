@@ -60,8 +60,8 @@ def tried(monitor: Monitor, status: Status, kind: type[Pauses] = Pause) -> None:
 
 
 def run_with_pauses(race: Race, stages: Sequence[Stage], exhausted: Callable[[Race], bool]) -> Iterate:
-    """`race.run`, without Newton's stage where it pauses. Only from a warm start and of bodies with many velocities, of which it is not known
-    what contacts hold, and where it would be the first one: from zero it is always tried."""
+    """`race.run`, without Newton's stage where it pauses. Only where it would be the first one from a warm start, of bodies with many
+    velocities, of which it is not known what contacts hold: from zero it is always tried."""
     pausing = race.warm and not race.prices.in_velocities and newton_first(race)
     if pausing and paused(race.monitor, PauseInRace):
         race.options = replace(race.options, without=(*race.options.without, NEWTON))
