@@ -44,7 +44,7 @@ def splitting_first(race: Race) -> bool:
 def proximal_first(race: Race) -> bool:
     """Whether proximal Newton is the first stage: in joints of rigid bodies whose contacts hold more velocities than these have, be it only
     those that close, so that Newton's matrix is singular, be it at r = 0. Its first iterations there cost no more than a probe of sweeps
-    that begin anew, as they do in joints, and bring more."""
-    if race.joints is None or race.warm or not race.prices.in_velocities or "proximal Newton" in race.options.without:
+    that begin anew, as they do in joints, and bring more, from a warm start as well."""
+    if race.joints is None or not race.prices.in_velocities or "proximal Newton" in race.options.without:
         return False
     return singular_here(race)

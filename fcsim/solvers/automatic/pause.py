@@ -2,20 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from fcsim.solvers.base import Monitor, Status
+from fcsim.solvers.automatic.first import newton_first
+from fcsim.solvers.automatic.race import Race, Stage, run
+from fcsim.solvers.base import Iterate, Monitor, Status
 from fcsim.solvers.memory import Kept
 
 FAILS = (Status.SINGULAR, Status.STAGNATED, Status.DIVERGED)
+NEWTON = "Newton"
 LONGEST_PAUSE = 32
 """Problems."""
 
 
 @dataclass(frozen=True, eq=False)
-class Pause(Kept):
+class Pauses(Kept):
     """After Newton has failed on a problem that follows it is not tried on the next `length` ones, of which `left` are to come; each time
     in turn twice as many. Where contacts do not hold the bodies uniquely it fails in step after step, at the price of an elimination."""
 
@@ -23,22 +27,47 @@ class Pause(Kept):
     left: int = field(kw_only=True)
 
 
-def paused(monitor: Monitor) -> bool:
+@dataclass(frozen=True, eq=False)
+class Pause(Pauses):
+    """Where ranks have W together, and where q follows the solution."""
+
+
+@dataclass(frozen=True, eq=False)
+class PauseInRace(Pauses):
+    """In the race, whose problems may be those on which Newton has paused where q follows. What fails once may be that step's own: none
+    before it has failed twice in a row."""
+
+
+def paused(monitor: Monitor, kind: type[Pauses] = Pause) -> bool:
     """Whether Newton is not tried on this problem, which then counts."""
-    pause = None if monitor.memory is None else monitor.memory.earlier(Pause)
+    pause = None if monitor.memory is None else monitor.memory.earlier(kind)
     if monitor.memory is None or pause is None or not pause.left:
         return False
     monitor.memory = monitor.memory.having(replace(pause, left=pause.left - 1))
     return True
 
 
-def tried(monitor: Monitor, status: Status) -> None:
+def tried(monitor: Monitor, status: Status, kind: type[Pauses] = Pause) -> None:
     """Remember how Newton has ended."""
     if monitor.memory is None:
         return
     if status not in FAILS:
-        monitor.memory = monitor.memory.without(Pause)
+        monitor.memory = monitor.memory.without(kind)
         return
-    pause = monitor.memory.earlier(Pause)
-    length = 1 if pause is None else min(2 * pause.length, LONGEST_PAUSE)
-    monitor.memory = monitor.memory.having(Pause(np.empty(0, dtype=np.int64), length=length, left=length))
+    pause = monitor.memory.earlier(kind)
+    length = int(kind is Pause) if pause is None else min(max(2 * pause.length, 1), LONGEST_PAUSE)
+    monitor.memory = monitor.memory.having(kind(np.empty(0, dtype=np.int64), length=length, left=length))
+
+
+def run_with_pauses(race: Race, stages: Sequence[Stage], exhausted: Callable[[Race], bool]) -> Iterate:
+    """`race.run`, without Newton's stage where it pauses. Only where it would be the first one from a warm start, of bodies with many
+    velocities, of which it is not known what contacts hold: from zero it is always tried."""
+    pausing = race.warm and not race.prices.in_velocities and newton_first(race)
+    if pausing and paused(race.monitor, PauseInRace):
+        race.options = replace(race.options, without=(*race.options.without, NEWTON))
+        return run(race, [stage for stage in stages if stage.name != NEWTON], exhausted)
+    iterate = run(race, stages, exhausted)
+    runner = race.runners.get(NEWTON)
+    if pausing and runner is not None and runner.result is not None:
+        tried(race.monitor, runner.result.status, PauseInRace)
+    return iterate

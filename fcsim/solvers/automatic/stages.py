@@ -42,7 +42,8 @@ from fcsim.solvers.automatic.later import (
     on_a_path,
 )
 from fcsim.solvers.automatic.over_ranks import automatic_over_ranks
-from fcsim.solvers.automatic.race import LITTLE, SLOWING, Race, RaceOptions, Runner, ShareOfMonitor, Stage, run
+from fcsim.solvers.automatic.pause import run_with_pauses
+from fcsim.solvers.automatic.race import LITTLE, SLOWING, Race, RaceOptions, Runner, ShareOfMonitor, Stage
 from fcsim.solvers.base import Iterate, Monitor, Status
 from fcsim.solvers.turns import Turns
 
@@ -344,6 +345,6 @@ def automatic(problem: LocalProblem, r: FloatArray, monitor: Monitor, options: A
     if monitor.record(r, fitting.W @ r + fitting.q) <= monitor.tol:
         return Iterate(r, Status.SOLVED)
     try:
-        return run(race, [stage for stage in STAGES if stage.name not in options.without], exhausted)
+        return run_with_pauses(race, [stage for stage in STAGES if stage.name not in options.without], exhausted)
     finally:
         race.runners.clear()  # their turns hold the race, which holds them: a circle that would keep W until Python looks for circles

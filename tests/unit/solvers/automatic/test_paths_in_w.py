@@ -36,14 +36,14 @@ def test_rods_with_large_friction_are_solved_along_paths(monkeypatch: pytest.Mon
     """Where proximal Newton does not get on, which on single ones last bits decide, other ones on each kind of processor; the answers by
     Coulomb's law itself."""
     entered: list[bool] = []
-    run = stages.run
+    run = stages.run_with_pauses
 
     def noted(race: Race, *arguments: object) -> object:
         iterate = run(race, *arguments)  # type: ignore[arg-type]
         entered.append("paths" in race.runners)
         return iterate
 
-    monkeypatch.setattr(stages, "run", noted)
+    monkeypatch.setattr(stages, "run_with_pauses", noted)
     for seed in (17, 39, 55, 82):
         p = rods_in_points(seed)
         found = solve(p, "auto", max_iterations=2500, without=OTHERS)

@@ -72,7 +72,7 @@ def test_admm_enters_where_sweeps_need_more(changes: dict[str, Any], enters: boo
         ({"joints": object(), "holds": 1.1}, newton(spent=300.0), True),
         ({"joints": object(), "holds": 1.1}, newton(iterations=5, spent=50.0, result=ENDED), True),
         ({"joints": object(), "holds": 1.0}, newton(iterations=5, spent=50.0), True),
-        ({"joints": object(), "holds": 1.1, "warm": True}, newton(iterations=5, spent=50.0), True),
+        ({"joints": object(), "holds": 1.1, "warm": True}, newton(iterations=5, spent=50.0), False),
     ],
 )
 def test_admm_waits_for_proximal_newton_in_the_bodies_velocities(changes: dict[str, Any], proximal: Shown, enters: bool) -> None:
@@ -126,7 +126,7 @@ def test_newton_keeps_its_systems_for_the_next_steps(changes: dict[str, Any], st
         ({"holds": 1.1}, True),
         ({"holds": 1.0}, False),
         ({"holds": 1.1, "in_velocities": False}, False),
-        ({"holds": 1.1, "warm": True}, False),
+        ({"holds": 1.1, "warm": True}, True),
         ({"holds": 1.1, "without": ("proximal Newton",)}, False),
         ({"holds": 1.1, "joints": None}, False),
     ],
@@ -135,7 +135,7 @@ def test_in_joints_proximal_newton_is_first_where_newton_s_matrix_is_singular(ch
     """Sweeps enter after the iterations that are its own, or where it has ended; Newton does not."""
     race = state(**{"joints": object(), **changes})
     assert first.proximal_first(race) is is_first
-    if race.joints is not None and not race.warm and not race.without:
+    if race.joints is not None and not race.without:
         assert stage("proximal Newton").enters(race) is is_first and (not is_first or not stage("sweeps").enters(race))
         assert stage("Newton").enters(race) is (race.holds <= 1)
         for shown, sweeps in ((Shown(iterations=19), False), (Shown(iterations=20), True), (Shown(iterations=3, result=ENDED), True)):

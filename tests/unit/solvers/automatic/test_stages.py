@@ -217,7 +217,7 @@ def test_from_zero_paths_are_for_edges_and_faces_and_no_dearer_than_all_others(
         spent.update((name, runner.spent) for name, runner in race.runners.items())
         return iterate
 
-    monkeypatch.setattr(stages, "run", noted)
+    monkeypatch.setattr(stages, "run_with_pauses", noted)
     assert solve(local(family, 300, seed), "auto", tol=1e-4, without=("interior point",)).solved
     assert "proximal Newton" in spent and ("paths" in spent) == follows
     if follows:
@@ -258,7 +258,7 @@ def test_an_interior_point_arrives_where_proximal_newton_takes_long(
         spent.append({name: runner.spent for name, runner in race.runners.items()})
         return iterate
 
-    monkeypatch.setattr(stages, "run", noted)
+    monkeypatch.setattr(stages, "run_with_pauses", noted)
     p = local(family, size, seed)
     result = solve(p, "auto")
     assert result.solved and natural_map_residual(result.r, p.W @ result.r + p.q, p.mu, p.dimension) <= 1e-8 * np.linalg.norm(p.q)
@@ -277,7 +277,7 @@ def test_sweeps_go_on_before_proximal_newton_in_a_bed(monkeypatch: pytest.Monkey
         spent.append(race.spent())
         return iterate
 
-    monkeypatch.setattr(stages, "run", noted)
+    monkeypatch.setattr(stages, "run_with_pauses", noted)
     p = local("rocks", 600, 3)
     assert solve(p, "auto", tol=1e-4).solved
     monkeypatch.setattr("fcsim.solvers.automatic.expected.LED", 0)
@@ -333,7 +333,7 @@ def test_no_admm_in_joints_of_nearly_rigid_bodies(monkeypatch: pytest.MonkeyPatc
         begun.extend(race.runners)
         return iterate
 
-    monkeypatch.setattr(stages, "run", noted)
+    monkeypatch.setattr(stages, "run_with_pauses", noted)
     assert solve(local("near-singular", 2000, 731), "auto", tol=1e-4).solved
     assert "proximal Newton" in begun and "splitting" not in begun
 
@@ -376,7 +376,7 @@ def test_admm_does_what_sweeps_that_stand_still_do_not(monkeypatch: pytest.Monke
         spent.append(race.spent())
         return iterate
 
-    monkeypatch.setattr(stages, "run", noted)
+    monkeypatch.setattr(stages, "run_with_pauses", noted)
     monkeypatch.setattr(expected, "LED", 15)
     p = local("frictions", 600, 954)
     assert solve(p, "auto", tol=1e-4).solved
