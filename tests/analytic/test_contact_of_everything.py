@@ -125,6 +125,7 @@ def test_thin_plates_stand_on_each_other(unit: float) -> None:
     assert np.abs(model.node_velocity(last.state.v, last.state.x)).max() < 1e-10  # [m/s] of corners, not of rotations
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("bearing", [0.02, 0.05, 0.08, 0.15])
 @pytest.mark.parametrize("kind", ["rigid", "deformable"])
 def test_a_lintel_on_two_piers(kind: str, bearing: float) -> None:

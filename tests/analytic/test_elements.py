@@ -136,6 +136,7 @@ def test_patch_test_on_a_distorted_mesh(cell_type, plane, elements, unit, nu):
     assert np.abs(stress.reshape(-1, 6) - expected).max() < 1e-9 * np.abs(expected).max()
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize(("cell_type", "plane", "elements"), LOCKING_FREE)
 @pytest.mark.parametrize("nu", [0.0, 0.3, 0.4999])
 def test_exactly_the_rigid_motions_take_no_energy(cell_type, plane, elements, nu):
@@ -230,6 +231,7 @@ def test_cantilever_converges_with_order_2():
     assert np.allclose(np.log2(np.divide(off[:-1], off[1:])), 2, atol=0.1), off
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("elements", ["Q1-enhanced", "Q1-bbar"])
 @pytest.mark.parametrize("cell_type", ["quadrilateral", "hexahedron"])
 def test_thick_cylinder_of_rubber_under_inner_pressure(cell_type, elements):

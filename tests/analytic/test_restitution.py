@@ -81,6 +81,7 @@ def test_touching_blocks_struck_at_once() -> None:
     assert_allclose(end.energy.kinetic, 0.5 * 2.0, rtol=1e-8)
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize(("e", "mu"), [(0.8, 0.2), (0.5, 0.05), (1.0, 0.5)])
 @pytest.mark.parametrize("spin", [0.0, 60.0, -60.0])
 def test_a_ball_with_english_strikes_a_cushion(e: float, mu: float, spin: float) -> None:

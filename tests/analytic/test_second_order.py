@@ -126,6 +126,7 @@ def cantilever(cell, divisions, L, nu, h=0.1, E=2e11, P=1e3):
     return load @ x.ravel() / (P**2 * (L**3 / (3 * E * I) + L / (k * G * h**2)))
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("cell", ["hexahedron", "tetrahedron"])
 @pytest.mark.parametrize("L", [0.2, 0.5, 1.0, 2.0])
 def test_cantilever_within_1_percent_of_timoshenko(cell, L):
