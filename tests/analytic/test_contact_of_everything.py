@@ -174,7 +174,7 @@ def test_stacked_cubes_rest(n: int) -> None:
     assert (level.sum(), (~level).sum()) == (beds, joints)  # four corners for every two faces that overlap, none else
 
 
-@pytest.mark.parametrize("aside", [0.0, 0.05])
+@pytest.mark.parametrize("aside", [pytest.param(0.0, marks=pytest.mark.slow), 0.05])
 def test_a_box_slides_over_flush_tiles(aside: float) -> None:
     """Frictionless, over the joints of tiles whose tops are level: nothing may stop or lift it."""
     tiles = [rigid_box(f"tile {i} {j}", (0.3, 0.3, 0.1), (0.3 * i, 0.3 * j, -0.05), 1.0) for i in range(5) for j in range(2)]

@@ -385,7 +385,7 @@ def test_links_that_contradict_supports_are_named() -> None:
         moved(blocks, [Ball("p", "a", "b", (0.5, 0.0, 0.0))], fcsim.Theta(1e-2), 2, supports=supports)
 
 
-@pytest.mark.parametrize(("unit", "mass"), [(1e-3, 1e-9), (1e3, 1e9)])
+@pytest.mark.parametrize(("unit", "mass"), [(1e-3, 1e-9), pytest.param(1e3, 1e9, marks=pytest.mark.slow)])
 def test_links_do_not_depend_on_units(unit: float, mass: float) -> None:
     """A double pendulum in mm and 1e-9 kg, in km and 1e9 kg: the same angles, with as many solves."""
     ends = []

@@ -54,7 +54,7 @@ def test_a_reader_that_leaves_does_not_end_a_run(case_folder: Path, tmp_path: Pa
     assert run.description.status == "finished" and len(run.columns["step"]) == 12
 
 
-@pytest.mark.parametrize("options", ["", "--json"])
+@pytest.mark.parametrize("options", [pytest.param("", marks=pytest.mark.slow), "--json"])
 def test_an_answer_that_a_full_disk_does_not_take_is_no_success(options: str) -> None:
     """/dev/full takes nothing, as a full disk: what a script reads there afterwards is not the answer."""
     done = fcsim("cases", options, shell="> /dev/full")
