@@ -9,7 +9,8 @@ from __future__ import annotations
 import fcntl
 import gc
 import os
-from collections.abc import Generator
+from collections import Counter, defaultdict
+from collections.abc import Generator, Hashable, Mapping, Sequence
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
@@ -40,6 +41,41 @@ def pytest_collection() -> Generator[None, object, object]:
         gc.collect()
         gc.freeze()
         gc.enable()
+
+
+def covering(cases: Sequence[Mapping[str, Hashable]]) -> set[int]:
+    """Numbers of the cases, few, in which each parameter has each of the values that it has in any of them: whichever has the most values
+    that none before has, and of those the one whose others are in the fewest."""
+    missing = {value for case in cases for value in case.items()}
+    chosen: set[int] = set()
+    uses: Counter[tuple[str, Hashable]] = Counter()
+    while missing:
+        best = max(range(len(cases)), key=lambda k: (len(missing & set(cases[k].items())), -sum(uses[value] for value in cases[k].items())))
+        chosen.add(best)
+        uses.update(cases[best].items())
+        missing -= set(cases[best].items())
+    return chosen
+
+
+def values_of(item: pytest.Function) -> dict[str, Hashable]:
+    """Which value a test has of each `parametrize`: they are the same objects in all combinations."""
+    names: list[Any] = [mark.args[0] for mark in item.iter_markers("parametrize")]
+    together = [own.split(",") if isinstance(own, str) else own for own in names]
+    return {",".join(own): tuple(id(item.callspec.params[name.strip()]) for name in own) for own in together}
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Of the tests of a function marked `each_value`, those which are not of a few that have every value are slow."""
+    crossed: dict[str, list[pytest.Function]] = defaultdict(list)
+    for item in items:
+        if isinstance(item, pytest.Function) and item.get_closest_marker("each_value") and not item.get_closest_marker("slow"):
+            crossed[f"{item.path}::{item.originalname}"].append(item)
+    for own in crossed.values():
+        chosen = covering([values_of(item) for item in own])
+        for k, item in enumerate(own):
+            if k not in chosen:
+                item.add_marker(pytest.mark.slow)
 
 
 @pytest.hookimpl(optionalhook=True)

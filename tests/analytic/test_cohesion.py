@@ -93,6 +93,7 @@ def test_shear_of_one_joint_that_cannot_open(n: int) -> None:
     balanced(steps)
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("shear", [3e5, 2e4])
 @pytest.mark.parametrize("n", [9, 60])
 def test_friction_is_left_where_the_joint_is_damaged(shear: float, n: int) -> None:

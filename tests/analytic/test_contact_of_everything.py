@@ -125,6 +125,7 @@ def test_thin_plates_stand_on_each_other(unit: float) -> None:
     assert np.abs(model.node_velocity(last.state.v, last.state.x)).max() < 1e-10  # [m/s] of corners, not of rotations
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("bearing", [0.02, 0.05, 0.08, 0.15])
 @pytest.mark.parametrize("kind", ["rigid", "deformable"])
 def test_a_lintel_on_two_piers(kind: str, bearing: float) -> None:
@@ -173,7 +174,7 @@ def test_stacked_cubes_rest(n: int) -> None:
     assert (level.sum(), (~level).sum()) == (beds, joints)  # four corners for every two faces that overlap, none else
 
 
-@pytest.mark.parametrize("aside", [0.0, 0.05])
+@pytest.mark.parametrize("aside", [pytest.param(0.0, marks=pytest.mark.slow), 0.05])
 def test_a_box_slides_over_flush_tiles(aside: float) -> None:
     """Frictionless, over the joints of tiles whose tops are level: nothing may stop or lift it."""
     tiles = [rigid_box(f"tile {i} {j}", (0.3, 0.3, 0.1), (0.3 * i, 0.3 * j, -0.05), 1.0) for i in range(5) for j in range(2)]

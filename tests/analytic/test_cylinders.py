@@ -34,6 +34,7 @@ FLOORS = {
 }
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("floor", FLOORS)
 @pytest.mark.parametrize("axis", [X, (1, 0.3, 0), Z])
 def test_a_cylinder_lies_or_stands(floor: str, axis: tuple[float, float, float]) -> None:

@@ -47,7 +47,7 @@ SMALL: dict[str, list[dict[str, Any]]] = {
     ],
     "arch": [{"voussoirs": 6, "steps": 30}, {"voussoirs": 6, "blocks_are": "mixed", "steps": 12}],
     "stack": [{"steps": 30}, {"blocks_are": "deformable", "overhang": 0.9, "steps": 30}],
-    "impact_bar": [{"elements": 20, "steps": 50}, {"elements": 20, "steps": 50, "scheme": "generalised-alpha"}],
+    "impact_bar": [{"elements": 20, "steps": 40}, {"elements": 20, "steps": 40, "scheme": "generalised-alpha"}],
     "granular": [{"n": 12, "width": 0.1, "h": 4e-3, "steps": 60, "tol": 1e-9}],
     "rocks": [{"n": 2, "width": 0.22, "steps": 80, "tol": 1e-9}],
     "boxes": [{"across": 2, "steps": 12, "tol": 1e-9}],

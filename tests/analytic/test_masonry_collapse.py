@@ -42,6 +42,7 @@ def one_block(width: float, height: float, mu: float, dimension: int = 2, scale:
     return MasonryProblem("one block", dimension, (floor(4 * scale, scale), block), mu)
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("dimension", [2, 3])
 @pytest.mark.parametrize(("width", "height", "mu"), [(0.4, 1.0, 0.7), (0.4, 1.0, 0.3), (1.0, 0.5, 0.6)])
 def test_a_block_topples_at_its_proportion_or_slides_at_mu(width: float, height: float, mu: float, dimension: int) -> None:

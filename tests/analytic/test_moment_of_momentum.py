@@ -15,6 +15,7 @@ IN_SPACE = [0, 0, 0.3, 0.4, -0.2, 0.5, 0.1, 0, -1.0, 3.0, 2.0, -4.0]
 IN_PLANE = [0, 0.3, 0.4, 0.1, -1.0, -4.0]
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("law", [Velocity(0.0), Velocity(0.5), Gap()], ids=["inelastic", "restitution", "gap"])
 @pytest.mark.parametrize("bodies", [BOXES, BALLS, DISKS], ids=["boxes", "balls", "disks"])
 def test_impact_with_friction_keeps_the_moment_of_momentum(bodies: tuple, law: Law) -> None:

@@ -38,6 +38,7 @@ def run(nodes: int, rule: str) -> tuple[float, float, float]:
     return -forces[1][2], imbalance, float(abs(forces[-1][0] / forces[-1][2]))
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("nodes", [123, 596])
 @pytest.mark.parametrize("rule", ["nodes", "mortar", "mortar-faces"])
 def test_forces_beside_the_programs(rule: str, nodes: int) -> None:

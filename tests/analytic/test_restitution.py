@@ -29,7 +29,9 @@ G = 9.81
 SETTINGS = SolverSettings(tol=1e-10, floor=1e-6)
 
 
-@pytest.mark.parametrize(("scheme", "e"), [(Theta, 0.5), (Theta, 0.8), (Theta, 1.0), (GeneralisedAlpha, 0.8)])
+@pytest.mark.parametrize(
+    ("scheme", "e"), [(Theta, 0.5), pytest.param(Theta, 0.8, marks=pytest.mark.slow), (Theta, 1.0), (GeneralisedAlpha, 0.8)]
+)
 def test_heights_of_a_bouncing_ball(scheme: Any, e: float) -> None:
     """To the height and the time that a step's motion at the impact speed amounts to, added up from bounce to bounce."""
     height, h = 0.05, 1e-3
@@ -81,6 +83,7 @@ def test_touching_blocks_struck_at_once() -> None:
     assert_allclose(end.energy.kinetic, 0.5 * 2.0, rtol=1e-8)
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize(("e", "mu"), [(0.8, 0.2), (0.5, 0.05), (1.0, 0.5)])
 @pytest.mark.parametrize("spin", [0.0, 60.0, -60.0])
 def test_a_ball_with_english_strikes_a_cushion(e: float, mu: float, spin: float) -> None:

@@ -43,7 +43,7 @@ def turned(angle, b):
     return {"initial_pose": [{"block": "stone", "rotation": [0, angle, 0], "about": [2 * b, 0, 0]}]}
 
 
-@pytest.mark.parametrize(("b", "h", "share"), [(0.2, 0.6, 0.4), (0.2, 0.6, 0.8), (2.0, 5.0, 0.5)])
+@pytest.mark.parametrize(("b", "h", "share"), [(0.2, 0.6, 0.4), pytest.param(0.2, 0.6, 0.8, marks=pytest.mark.slow), (2.0, 5.0, 0.5)])
 def test_quarter_period_of_free_rocking(tmp_path, b, h, share):
     """From rest at theta_0 the block is upright after int d theta / theta', (4/3) m R^2 theta'' = m g R sin(alpha - theta)."""
     alpha, R = np.arctan2(b, h), np.hypot(b, h)
@@ -55,8 +55,8 @@ def test_quarter_period_of_free_rocking(tmp_path, b, h, share):
 
     quarter = quad(lambda s: 2 * s / speed(begin - s * s), 0.0, np.sqrt(begin))[0]
     problem = read_masonry(stone(tmp_path, b, h, **turned(begin, b)))
-    step = quarter / 200
-    seen = shake(problem, duration=1.3 * quarter, h=step)
+    step = quarter / 150
+    seen = shake(problem, duration=1.1 * quarter, h=step)
     upright = seen.t[np.argmax(seen.turn >= begin * (1 - 1e-3))]
     assert upright == pytest.approx(quarter, rel=0.01)
     assert not seen.fallen

@@ -60,6 +60,7 @@ def roller(R: float, m: float) -> RigidBody:
     return rigid_cylinder("ball", R, 4 * R, [0.0, 0.0, R], m, [0.0, 1.0, 0.0])
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("what", ["sphere", "disk", "cylinder"])
 @pytest.mark.parametrize(("R", "m"), [(0.2, 3.0), (2e-3, 1e-9)])
 def test_it_rests_on_an_incline_iff_its_tangent_is_no_more_than_the_resistance_over_the_radius(what: str, R: float, m: float) -> None:

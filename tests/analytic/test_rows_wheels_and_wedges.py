@@ -216,7 +216,7 @@ def test_a_plank_over_an_edge_is_held_by_a_weight(reach: float, stands: bool) ->
     assert (turned < 1e-7) == stands and (turned > 1e-4) == (not stands)
 
 
-@pytest.mark.parametrize("m", [1.0, 1e3, 1e6])
+@pytest.mark.parametrize("m", [1.0, pytest.param(1e3, marks=pytest.mark.slow), 1e6])
 def test_a_belt_around_a_drum_in_any_unit_of_length(m: float) -> None:
     """Euler and Eytelwein, T2 = T1 exp(mu pi), of an elastic strip drawn over half a held drum by 1.2 mm; m units of length in a metre.
 

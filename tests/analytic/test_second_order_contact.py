@@ -62,6 +62,7 @@ def test_a_block_at_rest_bears_its_weight(cell: str, detection: str) -> None:
         assert stress[..., d - 1].mean() == pytest.approx(inner.mean(), rel=0.05)
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("cell", ["hexahedron", "tetrahedron"])
 @pytest.mark.parametrize("lumped", [True, False])
 def test_free_spin_keeps_energy_and_angular_momentum(cell: str, lumped: bool) -> None:

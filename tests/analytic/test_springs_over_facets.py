@@ -60,7 +60,8 @@ def hysteresis(s: Any, s_0: float, limit: float) -> Any:
     return np.concatenate([-np.minimum(K * s[:half], limit), np.minimum(K * (s_0 - s[half:]) - min(K * s_0, limit), limit)])
 
 
-@pytest.mark.parametrize("mu", [1000.0, 5.0])
+@pytest.mark.each_value
+@pytest.mark.parametrize("mu", [pytest.param(1000.0, marks=pytest.mark.slow), 5.0])
 @pytest.mark.parametrize("kind", ["plane", "box", "mesh", "deformable"])
 @pytest.mark.parametrize("scheme", [Theta(H, law=LAW), GeneralisedAlpha(H, 0.9, law=LAW)])
 def test_a_spring_goes_with_a_ball_from_facet_to_facet(kind: str, mu: float, scheme: Any) -> None:
@@ -111,14 +112,15 @@ def test_a_ball_on_a_spring_rolls_over_cells_as_on_a_plane() -> None:
     seen = []
     for kind in ("plane", "mesh"):
         ball = rigid_sphere("ball", 0.1, (-0.15, 0.01, 0.1 - 1e-5), 1.0)
-        model = build_model([ball, floor(kind)], supports=[Support("floor", HELD)], gravity=lambda t: (2.0, 0.3, -10.0))
+        model = build_model([ball, floor(kind)], supports=[Support("floor", HELD)], gravity=lambda t: (8.0, 0.3, -10.0))
         scheme = Theta(H, law=Compliant(Springs(normal=1e6, tangential=K, normal_damping=300.0, each=True)))
-        run = list(Simulation(model, ExactContacts(model, 0.5), scheme, 300, SolverSettings(tol=1e-10), created=np.inf))
+        run = list(Simulation(model, ExactContacts(model, 0.5), scheme, 155, SolverSettings(tol=1e-10), created=np.inf))
         assert run[-1].state.x[model.dof_offset[model.number["ball"]]] > 0.06
         seen.append([step.contact_force_on(model.number["ball"]) for step in run])
     assert np.array(seen[1]) == pytest.approx(np.array(seen[0]), abs=1e-6)
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("kind", ["box", "mesh"])
 @pytest.mark.parametrize("shape", [rigid_capsule, rigid_cylinder])
 def test_one_that_lies_is_pressed_by_its_ends_alone_on_a_flat_face(shape: Any, kind: str) -> None:

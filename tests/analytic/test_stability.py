@@ -135,6 +135,7 @@ def test_stiff_block_topples_on_a_slope(factor: float) -> None:
         assert lifted(steps, model, 0) > 1e-3
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("kind", ["rigid", "deformable"])
 @pytest.mark.parametrize(("mu", "factor"), [(0.3, 1.05), (0.39, 0.98)])
 def test_block_slides_before_it_topples(kind: str, mu: float, factor: float) -> None:

@@ -70,6 +70,7 @@ def test_exported_problem(elements: int, tmp_path: Path) -> None:
     assert np.all(problem.mu == 0.3)  # as in FCLIB's file CubeH8
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("mu", [0.0, 0.3])
 @pytest.mark.parametrize(
     ("elements", "lower", "candidates"), [(5, 0, "nodes"), (4, 0, "faces"), (4, 0, "gauss"), (4, 2, "gauss"), (4, 3, "gauss")]

@@ -15,6 +15,7 @@ SI, TONNE_MM = (1.0, 1.0), (1e3, 1e-3)
 """Metre and kilogram; millimetre and tonne: (units of length in a metre, units of mass in a kilogram)."""
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize(("length", "mass"), [SI, TONNE_MM], ids=["m, kg", "mm, t"])
 @pytest.mark.parametrize("h", [5e-3, 2e-2])
 @pytest.mark.parametrize("mu", [0.0, 0.3, 1.0])

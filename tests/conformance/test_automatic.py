@@ -88,9 +88,9 @@ def pile(bodies: int, seed: int, asymmetry: float, gyroscopic: float = 0.0) -> L
     ("bodies", "seed", "asymmetry", "gyroscopic"),
     [
         (20, 0, 0.0, 0.0),
-        (30, 0, 0.0, 0.0),
+        pytest.param(30, 0, 0.0, 0.0, marks=pytest.mark.slow),
         (30, 5, 1e-6, 0.0),
-        (40, 6, 1e-5, 0.0),
+        pytest.param(40, 6, 1e-5, 0.0, marks=pytest.mark.slow),
         (40, 1408, 1e-4, 0.0),
         pytest.param(70, 1068, 1e-12, 0.0, marks=pytest.mark.slow),
         (60, 2, 0.0, 1e-2),

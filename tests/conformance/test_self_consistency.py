@@ -117,7 +117,7 @@ def slid(name: str, h: float) -> np.ndarray:
 
 
 @pytest.mark.parametrize(
-    "name", ["auto", "ADMM-SPECTRAL", *(pytest.param(name, marks=pytest.mark.slow) for name in ("NNCG", "PROX-NEWTON"))]
+    "name", ["auto", *(pytest.param(name, marks=pytest.mark.slow) for name in ("ADMM-SPECTRAL", "NNCG", "PROX-NEWTON"))]
 )
 def test_a_thrown_cube_is_consistent_with_itself(name: str) -> None:
     """It comes to rest after v^2 / (2 mu g); what its step leaves falls with h, at least to first order over the three steps."""

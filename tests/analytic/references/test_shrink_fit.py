@@ -72,7 +72,8 @@ def fitted(
     return pressure / (INTERFERENCE / B * stiffness), [text for step in run for text in step.remarks if "chords" in text]
 
 
-COUNTS = [(4, 4), (4, 6), (6, 4), (6, 6), (6, 8), (8, 6), (8, 8), (8, 12), (12, 8), (12, 12), (6, 12)]
+COUNTS: list[Any] = [(4, 4), (4, 6), (6, 4), (8, 12), (12, 8), (12, 12)]
+COUNTS += [pytest.param(*counts, marks=pytest.mark.slow) for counts in ((6, 6), (6, 8), (8, 6), (8, 8), (6, 12))]
 
 
 @pytest.mark.parametrize("rule", ["mortar", "mortar-faces", "segments", "nodes smooth", "everything"])
@@ -103,6 +104,7 @@ def test_the_fit_is_alike_in_millimetres_and_at_rest_in_dynamics(rule: str) -> N
     assert pressure == pytest.approx(1.0, abs=0.06) and not said
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("rule", ["nodes", "everything rough"])
 @pytest.mark.parametrize("unit", [1.0, 1e-3])
 def test_gaps_of_chords_are_named_where_they_are_wrong(rule: str, unit: float) -> None:

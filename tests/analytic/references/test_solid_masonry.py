@@ -86,6 +86,7 @@ def test_a_wall_out_of_its_plane_overturns_at_its_leaf_over_its_height(tmp_path:
         assert limit(path, direction) == pytest.approx(thickness / 1.0, rel=1e-5)
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("sides", [3, 8, 24])
 @pytest.mark.parametrize("scale", [1e-3, 1.0, 1e3])
 def test_a_column_of_drums_overturns_about_its_edge(tmp_path: Path, sides: int, scale: float) -> None:

@@ -26,6 +26,7 @@ G = 9.81
 FLAT, SPACE = ("x", "y", "rz"), ("x", "y", "z", "rx", "ry", "rz")
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize(("above", "below", "stands"), [(0.275, 0.2, True), (0.26, 0.2, False), (0.5, 0.092, True), (0.5, 0.087, False)])
 @pytest.mark.parametrize("unit", [1.0, 1e3])
 def test_a_log_on_two_logs(unit: float, above: float, below: float, stands: bool) -> None:

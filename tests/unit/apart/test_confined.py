@@ -24,7 +24,16 @@ def script(marker: Path) -> str:
     return f'SystemCall "touch {marker}";\nPrintf("x") > "{marker}.too";\n'
 
 
-@pytest.mark.parametrize("head", ["", "\n", " $MeshFormat\n", "$PhysicalNames\n", "// ", "$View\n", "$MESHFORMAT\n"])
+@pytest.mark.parametrize(
+    "head",
+    [
+        "",
+        *(pytest.param(head, marks=pytest.mark.slow) for head in ("\n", "$PhysicalNames\n", "$View\n")),
+        " $MeshFormat\n",
+        "// ",
+        "$MESHFORMAT\n",
+    ],
+)
 def test_a_script_that_is_named_as_a_mesh_is_not_run(tmp_path: Path, head: str) -> None:
     path, marker = tmp_path / "a.msh", tmp_path / "ran"
     path.write_text(head + "\n" + script(marker))

@@ -143,6 +143,7 @@ def test_equal_bodies_share_one_factor(grid_part: GridPart, monkeypatch: pytest.
     assert sorted(sizes) == [12, 24]
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("E", [1e5, 1e6, 3.3e9, 7e10, 2.1e11])
 @pytest.mark.parametrize("shape", [(1, 1, 1), (2, 2, 2), (3, 2, 4)])
 def test_floating_body_in_statics_is_refused(grid_part: GridPart, E: float, shape: tuple[int, int, int]) -> None:

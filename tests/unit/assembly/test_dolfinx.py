@@ -69,6 +69,7 @@ def test_a_mesh_with_tags_becomes_a_part(dolfinx: Any, cell: str, d: int, mirror
     assert set(part.regions) == {"1", "2"}
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("field", ["displacement", "velocity"])
 @pytest.mark.parametrize("mirrored", [False, True])
 @pytest.mark.parametrize("elements", [None, "second"])
@@ -141,6 +142,7 @@ def test_forms_and_vectors_are_loads(dolfinx: Any) -> None:
     assert abs(K.matrix(K.mass) - elasticity.consistent_mass(part)).max() < 1e-12
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.parametrize(("cell", "d"), CELLS)
 def test_forms_and_functions_on_the_users_own_mesh_are_loads(dolfinx: Any, cell: str, d: int, degree: int) -> None:

@@ -43,6 +43,7 @@ def moved(model: Model, R: np.ndarray, strain: float = 0.0, seed: int = 1) -> np
     return (X @ R.T + 5 * size - X + strain * size * rng.standard_normal(X.shape)).ravel()
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize(("size", "density"), UNITS)
 @pytest.mark.parametrize("angle", [1e-6, 0.3, 2.0, np.pi])
 @pytest.mark.parametrize("d", [2, 3])

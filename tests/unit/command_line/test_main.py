@@ -5,6 +5,7 @@ import csv
 import errno
 import json
 import os
+import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -24,12 +25,19 @@ ROOT = Path(__file__).parents[3]
 QUIET = ["--export-every", "0", "--vtk-every", "0"]
 
 
+@pytest.fixture(scope="module")
+def kept(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("kept") / "exported"
+
+
 @pytest.fixture
-def problem_file(case_folder: Path, tmp_path: Path) -> Path:
-    """Step 12 of the small case as an FCLIB file."""
-    out = tmp_path / "exported"
-    assert main(["run", str(case_folder), "--out", str(out), "--export-every", "12", "--vtk-every", "0", "--export-form", "both"]) == 0
-    return next((out / "fclib" / "global").iterdir())
+def problem_file(case_folder: Path, tmp_path: Path, kept: Path) -> Path:
+    """Step 12 of the small case as an FCLIB file: each test has its own copy."""
+    if not kept.exists():
+        arguments = ["--export-every", "12", "--vtk-every", "0", "--export-form", "both"]
+        assert main(["run", str(case_folder), "--out", str(kept), *arguments]) == 0
+    shutil.copytree(kept / "fclib", tmp_path / "exported" / "fclib")
+    return next((tmp_path / "exported" / "fclib" / "global").iterdir())
 
 
 def test_run_with_options(case_folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -54,7 +54,7 @@ def test_a_reader_that_leaves_does_not_end_a_run(case_folder: Path, tmp_path: Pa
     assert run.description.status == "finished" and len(run.columns["step"]) == 12
 
 
-@pytest.mark.parametrize("options", ["", "--json"])
+@pytest.mark.parametrize("options", [pytest.param("", marks=pytest.mark.slow), "--json"])
 def test_an_answer_that_a_full_disk_does_not_take_is_no_success(options: str) -> None:
     """/dev/full takes nothing, as a full disk: what a script reads there afterwards is not the answer."""
     done = fcsim("cases", options, shell="> /dev/full")
@@ -135,7 +135,7 @@ def test_no_command_runs_as_ranks_of_mpi(command: list[str], capsys: pytest.Capt
     assert f"fcsim {command[0]}: expected one process, got 4 ranks" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("closed", [*(pytest.param(one, marks=pytest.mark.slow) for one in ("<&-", ">&-")), "2>&-", "<&- >&- 2>&-"])
+@pytest.mark.parametrize("closed", [*(pytest.param(one, marks=pytest.mark.slow) for one in ("<&-", ">&-", "2>&-")), "<&- >&- 2>&-"])
 def test_streams_that_are_closed(case_folder: Path, tmp_path: Path, closed: str) -> None:
     """A run ended in an AttributeError of None, and result files took the numbers of the streams, into which libraries print."""
     arguments = ["run", str(case_folder), "--out", str(tmp_path / "out"), "--steps", "1", "--export-every", "0", "--vtk-every", "0"]

@@ -28,6 +28,7 @@ def pair(rng: np.random.Generator, gap: float, unit: float) -> tuple[list[RigidB
     return [one, rigid_cylinder("b", rb, lb, centres[1], 1.0, axis=end_b * rng.choice([-1, 1]))], N
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("unit", [1e-3, 1.0, 1e3])
 @pytest.mark.parametrize("gap", [4e-3, 1e-6, 0.0, -1e-6, -1e-3])
 def test_rims_that_cross(gap: float, unit: float) -> None:
@@ -64,6 +65,7 @@ def wedge_and_cylinder(rng: np.random.Generator, gap: float, unit: float) -> tup
     return [rigid_cylinder("a", radius, length, R @ centre + shift, 1.0, axis=R @ axis), box], R @ N
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("unit", [1e-3, 1.0, 1e3])
 @pytest.mark.parametrize("gap", [4e-3, 1e-6, 0.0, -1e-6, -1e-3])
 def test_rims_that_cross_the_edge_of_a_box(gap: float, unit: float) -> None:
@@ -79,7 +81,7 @@ def test_rims_that_cross_the_edge_of_a_box(gap: float, unit: float) -> None:
             assert_allclose(found.gap.min(), gap * unit, atol=1e-10 * unit)
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_nothing_beyond_the_alert_distance(seed: int) -> None:
     rng = np.random.default_rng(seed)
     for _ in range(40):

@@ -37,6 +37,7 @@ def on_a_plate(law: Any, held: list[Support], gap: float = 0.0, **more: Any) -> 
     return build_model([block, plate], supports=[Support("plate", ("x", "y", "rz")), *held], **more)
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("law", [Material, neo_hooke])
 @pytest.mark.parametrize("mu", [0.0, 0.3])
 @pytest.mark.parametrize("gap", [0.0, -1e-9])

@@ -70,6 +70,7 @@ def test_elimination_tree(seed: int) -> None:
             assert set(border) <= set(fronts[parent][0]) | set(fronts[parent][1])
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("precision", [np.float64, np.float32])
 @pytest.mark.parametrize("open_share", [0.0, 0.3, 0.9])
 @pytest.mark.parametrize("d", [2, 3])
@@ -138,6 +139,7 @@ def test_fronts_below_which_nothing_changes_are_taken_over() -> None:
         factor, before = following, after
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("share", [0.1, 0.7, 1.0])
 @pytest.mark.parametrize("d", [2, 3])
 def test_cholesky(d: int, share: float) -> None:

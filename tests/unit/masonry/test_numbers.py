@@ -48,6 +48,7 @@ def read(tmp_path: Path, data: dict[str, Any]) -> MasonryProblem:
     return read_masonry(path)
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("dimension", [2, 3])
 @pytest.mark.parametrize("s", [1e-6, 1e-3, 1.0, 1e3, 1e6])
 @pytest.mark.parametrize("force", [1e-9, 1.0, 1e9])

@@ -93,6 +93,7 @@ def state(directory: Path) -> dict[str, np.ndarray]:
         return {name: file[name][()] for name in ("x", "v", "internal", "memory/0/r")}
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("material", ["metal", "finite metal", "viscous", "warm metal", "damaged"])
 @pytest.mark.parametrize("dynamic", ["true", "false"])
 def test_going_on_gives_the_same_bits(script: Path, tmp_path: Path, dynamic: str, material: str) -> None:

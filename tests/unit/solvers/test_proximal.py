@@ -94,6 +94,7 @@ def test_what_failed_is_tried_again_step_by_step(given: dict[str, Any], share: f
     assert Regularisation.first(1.0, constant).after_failure(constant).least == 10 * 5.0
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("name", ["PPA-NSN-AC", "PROX-NEWTON"])
 @pytest.mark.parametrize("family", ["frictions", "mass-ratios"])
 def test_piles_on_which_alpha_falls_and_fails_in_turns(name: str, family: str) -> None:

@@ -73,7 +73,7 @@ def test_a_cantilever_draws_in(elements: str, cells: tuple[int, int]) -> None:
     assert "saint_venant_kirchhoff" in turned and "turning" not in turned  # a frame would not cover that
 
 
-@pytest.mark.parametrize("law", ["linear", "orthotropic", "plastic"])
+@pytest.mark.parametrize("law", ["linear", pytest.param("orthotropic", marks=pytest.mark.slow), "plastic"])
 def test_a_clamped_strip_is_named_once_and_ends_the_run(law: str) -> None:
     """Its mean rotation and its strain are nothing to speak of."""
     materials = {

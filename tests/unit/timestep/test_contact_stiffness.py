@@ -24,6 +24,7 @@ from fcsim.timestep.step_equation.contact_tangent.stiffness import contact_stiff
 UNHINDERED = Limits(rotation=np.inf, strain=np.inf)
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize(
     ("cell", "candidates"),
     [("quadrilateral", "nodes"), ("quadrilateral", "gauss"), ("hexahedron", "nodes"), ("tetrahedron", "gauss"), ("hexahedron", "faces")],

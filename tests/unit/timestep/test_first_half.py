@@ -36,6 +36,7 @@ def detection(kind: str, model: Model, unit: float):
     return Detector([SurfacePair(*sides, mu=0.3, alert=1e-3 * unit)], model.n_nodes)
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("unit", [1.0, 1e3, 1e-3])
 @pytest.mark.parametrize("kind", ["everything", "pairs"])
 def test_a_shot_does_not_pass_in_the_first_half_step(kind: str, unit: float) -> None:

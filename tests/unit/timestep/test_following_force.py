@@ -45,6 +45,7 @@ def thrust(material: Any, d: int, scheme: Scheme, steps: int) -> Simulation:
     return Simulation(model, detector, scheme, steps, limits=EVERY_STRAIN, keep=5)
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("d", [2, 3])
 @pytest.mark.parametrize("name", MATERIALS)
 def test_momentum_and_angular_momentum_are_those_of_the_force(name: str, d: int) -> None:
@@ -66,6 +67,7 @@ def test_momentum_and_angular_momentum_are_those_of_the_force(name: str, d: int)
     assert angle > 1  # it has turned with the face
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("scheme", [Theta(2e-3, 0.7), GeneralisedAlpha(2e-3, 0.6)], ids=["theta", "generalised alpha"])
 @pytest.mark.parametrize("name", ["linear", "neo-hooke"])
 def test_the_balance_of_energy_closes(name: str, scheme: Scheme) -> None:

@@ -62,6 +62,7 @@ def momenta(model: Model, state: State) -> tuple[np.ndarray, np.ndarray]:
     return momentum.sum(axis=0), np.cross(arm, momentum).sum(axis=0)
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("d", [2, 3])
 @pytest.mark.parametrize("name", MATERIALS)
 def test_pressed_all_around_a_body_turns_freely(name: str, d: int) -> None:
@@ -79,6 +80,7 @@ def test_pressed_all_around_a_body_turns_freely(name: str, d: int) -> None:
     assert work > 1e-2 * step.energy.kinetic
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("scheme", [Theta(2e-3, 0.7), GeneralisedAlpha(2e-3, 0.6)], ids=["theta", "generalised alpha"])
 @pytest.mark.parametrize("name", ["linear", "neo-hooke"])
 def test_thrust_on_one_face_closes_the_balance_of_energy(name: str, scheme: Scheme) -> None:
@@ -184,6 +186,7 @@ def beam_above_a_floor(mu: float, pressure: float) -> Simulation:
     return Simulation(model, Everything(model, mu=mu), QuasiStatic(0.25), 4, limits=EVERY_STRAIN)
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("pressure", [1.8e3, 2.02e3, 2.2e3])
 @pytest.mark.parametrize("mu", [0.0, 0.3])
 def test_the_way_to_equilibrium_does_not_lead_through_the_floor(mu: float, pressure: float) -> None:

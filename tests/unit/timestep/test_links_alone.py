@@ -121,6 +121,7 @@ def flight(bodies: Any, links: Any, h: float, steps: int, apart: bool) -> tuple[
     return found / size, done
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("apart", [False, True], ids=["as one", "each on its own"])
 @pytest.mark.parametrize("name", LINKED)
 def test_momentum_moment_of_momentum_and_energy_are_kept(name: str, apart: bool) -> None:
@@ -178,6 +179,7 @@ def elastic_moments(steps: list[fcsim.Step], theta: float) -> np.ndarray:
     return np.array(found)
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("theta", [0.6, 1.0])
 @pytest.mark.parametrize("name", [name for name in LINKED if "rubber" not in name])
 def test_at_other_theta_links_take_no_moment_of_momentum(name: str, theta: float) -> None:

@@ -185,6 +185,7 @@ def test_a_hinge_in_space_that_contact_locks() -> None:
     assert said(Ball("ball", "one", "two", (1.0, 0.0, 0.05)))  # opens upwards, but not to the side
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize(("steps_a_period", "named"), [(0.5, True), (1.0, True), (2.0, True), (5.0, False), (20.0, False)])
 @pytest.mark.parametrize("what", ["gravity", "traction", "velocity", "displacement", "rotation"])
 def test_what_goes_up_and_down_within_steps(what: str, steps_a_period: float, named: bool) -> None:

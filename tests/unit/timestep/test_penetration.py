@@ -20,6 +20,7 @@ from fcsim.timestep.theta import Theta
 HELD = ("x", "y", "z", "rx", "ry", "rz")
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("scale", [1.0, 1e-3])
 @pytest.mark.parametrize("theta", [0.5, 1.0])
 @pytest.mark.parametrize("law", [Velocity(0.5), Velocity(0.0), Gap()])

@@ -53,6 +53,7 @@ def exact_state(model: Model, initial: State, t: float) -> np.ndarray:
     return expm(A * t) @ np.concatenate([initial.x[model.free_dofs], initial.v[model.free_dofs]])
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize(("theta", "order"), [(0.5, 2), (0.7, 1), (1.0, 1)])
 @pytest.mark.parametrize("beta", [0.0, 2e-4])
 def test_free_vibration_converges_with_the_order_of_the_scheme(theta: float, order: int, beta: float) -> None:
@@ -113,6 +114,7 @@ def test_velocity_of_free_fall_is_exact_for_all_theta(theta: float) -> None:
     assert_allclose(end.v[:3], [0, -9.81 * 0.2, 2 / inertia * 0.2], rtol=1e-12)
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("driven", ["eliminated", "identity"])
 @pytest.mark.parametrize("lumped", [True, False])
 def test_support_reactions_are_statics(driven: str, lumped: bool) -> None:

@@ -210,6 +210,7 @@ def test_the_same_wherever_it_stands() -> None:
     assert turned.point[0] == pytest.approx(R @ first.point[0] + (30.0, -7.0, 2.0), abs=1e-3)
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("scale", [1.0, 1e-3])
 @pytest.mark.parametrize("depth", [0.0, 1e-4, 0.02, 0.05])
 def test_a_fork_whose_legs_overlap_overlaps_itself(depth: float, scale: float) -> None:

@@ -41,6 +41,7 @@ def slid_over(facets: int, curved: list[str], height: float) -> list[Contacts]:
     return found
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("facets", [9, 16, 60])
 @pytest.mark.parametrize("height", [1e-7, -1e-7])
 def test_a_tip_sliding_over_a_polygon_meets_the_normals_of_the_circle(facets: int, height: float) -> None:

@@ -17,6 +17,7 @@ def body(divisions, share=1e-8):
     return A, np.repeat(part.points, 3, axis=0)
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("divisions", [(8, 4, 4), (4, 4, 4), (3, 9, 3)])
 @pytest.mark.parametrize("columns", [(), (1,), (9,)])
 def test_solutions_are_those_of_the_dense_factor(divisions, columns):

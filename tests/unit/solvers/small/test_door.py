@@ -36,6 +36,7 @@ def generally(p: LocalProblem, name: str = "NSGS-AC", r: np.ndarray | None = Non
     return solve(p, name, r, memory=Memory.of(np.arange(p.nc)), **keywords)  # which the door does not know
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("error", ["scaled", "published"])
 @pytest.mark.parametrize("start", ["zero", "warm"])
 @pytest.mark.parametrize("unit", [1e-4, 1.0, 1e4])

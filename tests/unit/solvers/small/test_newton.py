@@ -62,6 +62,7 @@ def test_a_step_is_that_of_the_general_way(d: int) -> None:
     assert_allclose(newton_step(p.W, shift, A, B, F), expected, rtol=1e-8, atol=1e-10)
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("published", [False, True])
 @pytest.mark.parametrize("family", ["rocks", "arches", "towers", "frictions", "walls-2D"])
 def test_proximal_newton_is_that_of_the_table(family: str, published: bool) -> None:

@@ -78,6 +78,7 @@ def test_one_step(name: str, d: int, zones: str) -> None:
         assert_allclose(mine, given, atol=0)
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("d", [2, 3])
 @pytest.mark.parametrize("changes", [1, 4, 40])
 @pytest.mark.parametrize("seed", range(4))
