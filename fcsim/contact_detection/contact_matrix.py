@@ -10,6 +10,10 @@ from fcsim.assembly.model import Model
 from fcsim.contact_detection._contact_matrix_kernels import fill_contact_matrix, fill_on_bodies, starts_of_columns, starts_on_bodies
 from fcsim.contact_detection.contacts import Contacts
 from fcsim.errors import InputError
+from fcsim.ranks import common_arrays, written
+
+SHARED_FROM = 3000
+"""Contacts from which ranks make H together, where they have memory in common: of as many it takes half a millisecond."""
 
 
 def contact_matrix(contacts: Contacts, n_nodes: int) -> csc_array:
@@ -36,7 +40,8 @@ def contact_matrix(contacts: Contacts, n_nodes: int) -> csc_array:
 
 
 def contact_matrix_of_bodies(contacts: Contacts, model: Model, x: FloatArray) -> csc_array:
-    """H (n_dofs, d nc) in the configuration x (n_dofs,): as `Model.contact_matrix` makes it of `contact_matrix`, in one pass."""
+    """H (n_dofs, d nc) in the configuration x (n_dofs,): as `Model.contact_matrix` makes it of `contact_matrix`, in one pass;
+    all ranks must ask."""
     d, rigid = contacts.dimension, model.rigid_bodies
     elastic = model.n_elastic // d
     body, arm = rigid.points(model.rigid_part(x))
@@ -45,9 +50,18 @@ def contact_matrix_of_bodies(contacts: Contacts, model: Model, x: FloatArray) ->
     size = int(starts[-1])
     index = np.int32 if max(d * model.n_nodes, d * len(contacts), size) < np.iinfo(np.int32).max else np.int64
     indptr = starts.astype(index)
-    data, rows = np.empty(size), np.empty(size, dtype=index)
+    shared = common_arrays(len(contacts), SHARED_FROM, ((size,), np.float64), ((size,), index))
+    data, rows = shared or (np.empty(size), np.empty(size, dtype=index))
 
-    fill_on_bodies(contacts.nodes, contacts.weights, contacts.frame, elastic, body, arm, rigid.size, indptr, rows, data)
+    def fill(begin: int, end: int) -> None:
+        some, columns = slice(begin, end), indptr[d * begin : d * end + 1]
+        of_contacts = contacts.nodes[some], contacts.weights[some], contacts.frame[some]
+        fill_on_bodies(*of_contacts, elastic, body, arm, rigid.size, columns, rows, data)
+
+    if shared:
+        written("H", len(contacts), fill)
+    else:
+        fill(0, len(contacts))
     matrix = csc_array((data, rows, indptr), shape=(model.n_dofs, d * len(contacts)))
     matrix.has_canonical_format = True
     return matrix

@@ -18,9 +18,13 @@ from fcsim.ranks.sharing import sharing as sharing
 from fcsim.ranks.sharing import told as told
 from fcsim.ranks.sharing import world as world
 from fcsim.ranks.sharing import writes as writes
+from fcsim.ranks.tasks import common_arrays as common_arrays
+from fcsim.ranks.tasks import complete_rows as complete_rows
+from fcsim.ranks.tasks import for_parts as for_parts
 from fcsim.ranks.tasks import in_parts as in_parts
 from fcsim.ranks.tasks import in_pieces as in_pieces
 from fcsim.ranks.tasks import largest as largest
 from fcsim.ranks.tasks import shared_out as shared_out
+from fcsim.ranks.tasks import written as written
 from fcsim.ranks.world import RankEnded as RankEnded
 from fcsim.ranks.world import World as World

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 
-from fcsim.arrays import BoolArray, FloatArray
+from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.linear.sparse import _columns_kernels as kernels
-from fcsim.linear.sparse.columns import normals_of_some, times, transposed_times
-from fcsim.ranks import in_parts, world
+from fcsim.linear.sparse.columns import normals_of_some, of_kept, rows_kept, times, transposed_times
+from fcsim.ranks import common_arrays, for_parts, in_parts, world, written
 
 CONTACTS_FROM = 3000
 """Contacts from which ranks share work on them: a product with H^T of as many takes a third of a millisecond, exchanging it a tenth."""
@@ -22,7 +22,7 @@ def transposed_times_by_ranks(A: sp.sparray | FloatArray, x: FloatArray) -> Floa
     if world() is None or not isinstance(A, sp.csc_array) or A.dtype != np.float64 or x.dtype != np.float64:
         return transposed_times(A, x)
     d = 1 if A.shape[1] % 3 else 3  # columns that the kernel takes together
-    product = np.empty((A.shape[1] // d, d))
+    product = for_parts((A.shape[1] // d, d), CONTACTS_FROM)
 
     def multiply(begin: int, end: int) -> None:
         own = A.indptr[d * begin : d * end + 1]
@@ -37,13 +37,36 @@ def times_by_ranks(A: sp.sparray | FloatArray, x: FloatArray) -> FloatArray:
     by_columns = isinstance(A, sp.csc_array) and A.dtype == np.float64 == x.dtype and x.shape == A.shape[1:]
     if world() is None or not isinstance(A, sp.csc_array) or not by_columns or not A.has_canonical_format or A.shape[1] < 3 * CONTACTS_FROM:
         return times(A, x)
-    product = np.zeros(A.shape[0])
+    product = for_parts((A.shape[0],), 0)
 
     def multiply(begin: int, end: int) -> None:
+        product[begin:end] = 0.0
         kernels.times_columns_between(A.indptr, A.indices, A.data, x, begin, end, product)
 
     in_parts("H r", len(product), 0, multiply, product)
     return product
+
+
+def rows_kept_by_ranks(A: sp.csc_array, place: IntArray, count: int) -> sp.csc_array:
+    """As `rows_kept`, each rank some columns, where ranks have memory in common; all ranks must ask."""
+    m, size = A.shape[1], len(A.indices)
+    wanted = ((m + 1,), A.indptr.dtype), ((size,), A.indices.dtype), ((size,), A.data.dtype)
+    shared = common_arrays(m, 3 * CONTACTS_FROM, *wanted)
+    if shared is None:
+        return rows_kept(A, place, count)
+    starts, rows, values = shared
+    ordered, moved = bool(A.has_canonical_format), kernels.first_moved(place)
+
+    def keep(begin: int, end: int) -> None:
+        at = kernels.entries_kept(A.indptr[: begin + 1], A.indices, ordered, place, moved)
+        own = A.indptr[begin : end + 1]
+        until = at + kernels.entries_kept(own, A.indices, ordered, place, moved)
+        if begin == 0:
+            starts[0] = 0
+        kernels.rows_kept(own, A.indices, A.data, ordered, place, moved, at, until, starts[begin + 1 : end + 1], rows, values)
+
+    written("rows of H", m, keep)
+    return of_kept(A, count, starts, rows, values)
 
 
 def normals_by_ranks(
@@ -53,7 +76,7 @@ def normals_by_ranks(
     if world() is None or not isinstance(A, sp.csc_array):
         return normals_of_some(A, weight, some, step)
     count = A.shape[1] // step
-    whole, others, touched = np.empty(count), np.empty(count), np.empty(count, dtype=np.bool_)
+    whole, others, touched = (for_parts((count,), NORMALS_FROM, kind) for kind in (np.float64, np.float64, np.bool_))
 
     def sums(begin: int, end: int) -> None:
         own = A.indptr[step * begin : step * end + 1]

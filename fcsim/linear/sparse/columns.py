@@ -35,7 +35,14 @@ def times(A: sp.sparray | FloatArray, x: FloatArray) -> FloatArray:
 def rows_kept(A: sp.csc_array, place: IntArray, count: int) -> sp.csc_array:
     """The matrix (count, m) with row i of A (n, m) at place[i], those with place[i] < 0 left out; the others' order stays."""
     starts, rows, values = np.empty_like(A.indptr), np.empty_like(A.indices), np.empty_like(A.data)
-    kernels.rows_kept(A.indptr, A.indices, A.data, bool(A.has_canonical_format), place, starts, rows, values)
+    starts[0], ordered = 0, bool(A.has_canonical_format)
+    by_columns = A.indptr, A.indices, A.data, ordered
+    kernels.rows_kept(*by_columns, place, kernels.first_moved(place), 0, len(rows), starts[1:], rows, values)
+    return of_kept(A, count, starts, rows, values)
+
+
+def of_kept(A: sp.csc_array, count: int, starts: IntArray, rows: IntArray, values: FloatArray) -> sp.csc_array:
+    """The matrix (count, m) of what `rows_kept` leaves of A (n, m)."""
     end = int(starts[-1])
     kept = sp.csc_array((values[:end], rows[:end], starts), shape=(count, A.shape[1]))
     if A.has_canonical_format:

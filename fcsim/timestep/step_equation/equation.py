@@ -13,7 +13,8 @@ from fcsim.arrays import FloatArray, Matrix
 from fcsim.assembly.compliance import SystemFactor
 from fcsim.assembly.model import Model
 from fcsim.contact_detection.contacts import Contacts
-from fcsim.linear.sparse.columns import rows_kept, transposed_times
+from fcsim.linear.sparse.by_ranks import rows_kept_by_ranks
+from fcsim.linear.sparse.columns import transposed_times
 from fcsim.problem import GlobalProblem
 from fcsim.problem.reduction import Reduction
 from fcsim.problem.rolling import GlobalRollingProblem
@@ -101,7 +102,7 @@ class Equation:
         """The rows of H (n_dofs, m) of the bodies' unknowns in the problem, driven ones zero or left out; by columns where H is."""
         model = self.model
         if model.axes_matrix is None and isinstance(H, sp.csc_array):
-            return rows_kept(H, *model.place_of_unknowns)
+            return rows_kept_by_ranks(H, *model.place_of_unknowns)
         if model.axes_matrix is not None:
             H = sp.csr_array(model.axes_matrix @ H)
         if model.driven == "eliminated":
