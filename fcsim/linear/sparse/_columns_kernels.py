@@ -146,6 +146,21 @@ def rows_kept(indptr, indices, data, ordered, place, moved, at, end, starts, row
 
 
 @njit(cache=True)
+def values_kept(indptr, indices, data, ordered, place, moved, starts, values):
+    """Write the values of `rows_kept` where it is known where its columns begin and end, starts (m + 1,)."""
+    for j in range(len(indptr) - 1):
+        begin, end, at = indptr[j], indptr[j + 1], np.uint64(starts[j])
+        if ordered and (begin == end or indices[end - 1] < moved):
+            for k in range(np.uint64(end - begin)):
+                values[at + k] = data[np.uint64(begin) + k]
+            continue
+        for k in range(begin, end):
+            if place[np.uint64(indices[np.uint64(k)])] >= 0:
+                values[at] = data[np.uint64(k)]
+                at += np.uint64(1)
+
+
+@njit(cache=True)
 def squares_of_touched(indptr, indices, data, weight, some, step, count):
     """See `normals_of_some`, by columns."""
     whole, others, touched = np.zeros(count), np.zeros(count), np.zeros(count, dtype=np.bool_)

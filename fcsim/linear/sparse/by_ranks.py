@@ -7,8 +7,8 @@ import scipy.sparse as sp
 
 from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.linear.sparse import _columns_kernels as kernels
-from fcsim.linear.sparse.columns import normals_of_some, of_kept, rows_kept, times, transposed_times
-from fcsim.ranks import common_arrays, for_parts, in_parts, world, written
+from fcsim.linear.sparse.columns import has_pattern, normals_of_some, of_kept, rows_kept, times, transposed_times
+from fcsim.ranks import common_arrays, for_parts, in_parts, kept_alike, world, written
 
 CONTACTS_FROM = 3000
 """Contacts from which ranks share work on them: a product with H^T of as many takes a third of a millisecond, exchanging it a tenth."""
@@ -47,26 +47,57 @@ def times_by_ranks(A: sp.sparray | FloatArray, x: FloatArray) -> FloatArray:
     return product
 
 
-def rows_kept_by_ranks(A: sp.csc_array, place: IntArray, count: int) -> sp.csc_array:
-    """As `rows_kept`, each rank some columns, where ranks have memory in common; all ranks must ask."""
-    m, size = A.shape[1], len(A.indices)
-    wanted = ((m + 1,), A.indptr.dtype), ((size,), A.indices.dtype), ((size,), A.data.dtype)
-    shared = common_arrays(m, 3 * CONTACTS_FROM, *wanted)
-    if shared is None:
-        return rows_kept(A, place, count)
-    starts, rows, values = shared
-    ordered, moved = bool(A.has_canonical_format), kernels.first_moved(place)
+class RowsKept:
+    """A -> `rows_kept`, each rank some columns where ranks have memory in common; where A has the very indptr and indices of the last A the
+    result has those of the last result, and values alone are made."""
 
-    def keep(begin: int, end: int) -> None:
-        at = kernels.entries_kept(A.indptr[: begin + 1], A.indices, ordered, place, moved)
-        own = A.indptr[begin : end + 1]
-        until = at + kernels.entries_kept(own, A.indices, ordered, place, moved)
-        if begin == 0:
-            starts[0] = 0
-        kernels.rows_kept(own, A.indices, A.data, ordered, place, moved, at, until, starts[begin + 1 : end + 1], rows, values)
+    def __init__(self, place: IntArray, count: int) -> None:
+        """place (n,), count: as `rows_kept` takes them."""
+        self._place, self._count, self._moved = place, count, int(kernels.first_moved(place))
+        self._last: tuple[IntArray, IntArray, IntArray, IntArray] | None = None  # indptr and indices of A, and of the result
 
-    written("rows of H", m, keep)
-    return of_kept(A, count, starts, rows, values)
+    def __call__(self, A: sp.csc_array) -> sp.csc_array:
+        """A's rows (count, m); all ranks must ask."""
+        last = self._last if kept_alike() else None
+        if last is not None and not has_pattern(A, *last[:2]):
+            last = None
+        m, size = A.shape[1], len(A.indices) if last is None else len(last[3])
+        wanted = ((size,), A.data.dtype), ((m + 1,), A.indptr.dtype), ((size,), A.indices.dtype)
+        shared = common_arrays(m, 3 * CONTACTS_FROM, *wanted[: 3 if last is None else 1])
+        if last is not None:
+            values = shared[0] if shared else np.empty_like(A.data, shape=size)
+            kept = self._of_last(A, *last[2:], values, shared is not None)
+        else:
+            kept = rows_kept(A, self._place, self._count) if shared is None else self._shared(A, *shared)
+        if kept_alike():
+            self._last = A.indptr, A.indices, kept.indptr, kept.indices
+        return kept
+
+    def _of_last(self, A: sp.csc_array, starts: IntArray, rows: IntArray, values: FloatArray, shared: bool) -> sp.csc_array:
+        ordered = bool(A.has_canonical_format)
+
+        def keep(begin: int, end: int) -> None:
+            own = A.indptr[begin : end + 1], A.indices, A.data
+            kernels.values_kept(*own, ordered, self._place, self._moved, starts[begin : end + 1], values)
+
+        if shared:
+            written("rows of H", A.shape[1], keep)
+        else:
+            keep(0, A.shape[1])
+        return of_kept(A, self._count, starts, rows, values)
+
+    def _shared(self, A: sp.csc_array, values: FloatArray, starts: IntArray, rows: IntArray) -> sp.csc_array:
+        of_rows = bool(A.has_canonical_format), self._place, self._moved
+
+        def keep(begin: int, end: int) -> None:
+            at, own = kernels.entries_kept(A.indptr[: begin + 1], A.indices, *of_rows), A.indptr[begin : end + 1]
+            until = at + kernels.entries_kept(own, A.indices, *of_rows)
+            if begin == 0:
+                starts[0] = 0
+            kernels.rows_kept(own, A.indices, A.data, *of_rows, at, until, starts[begin + 1 : end + 1], rows, values)
+
+        written("rows of H", A.shape[1], keep)
+        return of_kept(A, self._count, starts, rows, values)
 
 
 def normals_by_ranks(

@@ -9,7 +9,13 @@ from pathlib import Path
 import numpy as np
 import scipy.sparse as sp
 
-from fcsim.linear.sparse.by_ranks import CONTACTS_FROM, rows_kept_by_ranks, times_by_ranks, transposed_times_by_ranks
+from fcsim.assembly.model import build_model
+from fcsim.contact_detection import Contacts, contact_matrix_of_bodies
+from fcsim.contact_detection.frames import frames
+from fcsim.contact_law.one_point import at_one_point
+from fcsim.linear.sparse.by_ranks import CONTACTS_FROM, RowsKept, times_by_ranks, transposed_times_by_ranks
+from fcsim.linear.sparse.columns import has_pattern
+from fcsim.mesh.part import RigidBody
 from fcsim.ranks import World, alone, for_parts, in_parts, largest, sharing
 from fcsim.ranks.common_memory import in_common
 
@@ -100,6 +106,31 @@ def alike(A: sp.csc_array) -> sp.csc_array:
     return B
 
 
+def at_one_place() -> list[str]:
+    """H of many contacts between two rigid bodies, moved to one point, which is written to in the place of what was there, beside what a
+    rank alone makes; twice, the second time with the pattern of the first."""
+    rng, nc = np.random.default_rng(2), 4000
+    points, facet = rng.standard_normal((4, 3)), {"face": np.array([[0, 1, 2]])}
+    model = build_model([RigidBody(name, 2.0, np.eye(3), np.zeros(3), points, facet) for name in ("one", "other")])
+    normals = rng.standard_normal((nc, 3))
+    nodes, weights = np.column_stack([rng.integers(0, 4, nc), rng.integers(4, 8, nc)]), np.tile([1.0, -1.0], (nc, 1))
+    frame = frames(normals / np.linalg.norm(normals, axis=1)[:, None])
+    gap = 1.0 + rng.random(nc)
+    contacts = Contacts(np.zeros((nc, 3)), frame, gap, np.zeros(nc), nodes, weights, np.tile([0, 1], (nc, 1)), np.arange(nc))
+
+    def made() -> sp.csc_array:
+        H = contact_matrix_of_bodies(contacts, model, np.zeros(model.n_dofs))
+        at_one_point(model, H, contacts)
+        return H
+
+    found = [made(), made()]
+    with alone():
+        expected = made()
+    for H in found:
+        assert np.array_equal(H.toarray(), expected.toarray())
+    return [digest(H.data) for H in found]
+
+
 def kept_rows() -> list[str]:
     """Some rows of a matrix by columns, moved, of more and fewer columns than ranks share."""
     rng, found = np.random.default_rng(1), []
@@ -111,11 +142,14 @@ def kept_rows() -> list[str]:
             np.where(np.arange(500) < 300, np.arange(500), np.arange(500) - 50),
         ):
             place = np.where((np.arange(500) >= 300) & (np.arange(500) < 350), -1, place)
-            kept = rows_kept_by_ranks(A, place, 500)
-            expected = np.zeros(A.shape)
-            expected[place[place >= 0]] = A.toarray()[place >= 0]
-            assert np.array_equal(kept.toarray(), expected)
-            found += [digest(kept.indptr), digest(kept.indices), digest(kept.data)]
+            keep, last = RowsKept(place, 500), None
+            for B in (A, sp.csc_array((A.data + 1.0, A.indices, A.indptr), shape=A.shape), 2 * A):
+                B.sum_duplicates()
+                kept, expected = keep(B), np.zeros(B.shape)
+                expected[place[place >= 0]] = B.toarray()[place >= 0]
+                assert np.array_equal(kept.toarray(), expected)
+                found += [digest(kept.indptr), digest(kept.indices), digest(kept.data), str(last is not None and has_pattern(kept, *last))]
+                last = kept.indptr, kept.indices
     return found
 
 
@@ -149,7 +183,7 @@ def main(folder: Path) -> None:
             "products": products(),
             "largest": looked_at(),
             "sent": sent(world),
-            "kept": kept_rows(),
+            "kept": [*kept_rows(), *at_one_place()],
             "common": common(world),
             "refused": refused(world),
         }
