@@ -8,7 +8,7 @@ methods W with its factor (`fcsim.problem.distributed`). Sharing is asked for, b
 from fcsim.ranks.asked import asked_ranks as asked_ranks
 from fcsim.ranks.asked import own_rank as own_rank
 from fcsim.ranks.asked import ranks_on_this_machine as ranks_on_this_machine
-from fcsim.ranks.common_memory import in_common as in_common
+from fcsim.ranks.mapped_memory import in_common as in_common
 from fcsim.ranks.sharing import alone as alone
 from fcsim.ranks.sharing import end_with as end_with
 from fcsim.ranks.sharing import kept_alike as kept_alike

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from fcsim.arrays import FloatArray
-from fcsim.ranks.common_memory import in_common
+from fcsim.ranks.mapped_memory import in_common
 from fcsim.ranks.sharing import alone, world
 from fcsim.ranks.world import World
 

@@ -26,7 +26,7 @@ from fcsim.arrays import FloatArray, IntArray
 from fcsim.errors import FcsimError
 from fcsim.interrupts import Ended, held_back
 from fcsim.ranks._digest_kernels import digest as digest_of_words
-from fcsim.ranks.common_memory import CommonMemory
+from fcsim.ranks.mapped_memory import CommonMemory
 from fcsim.ranks.neighbours import gone, on_this_machine, stopped, this_process
 
 AWAKE, NAP = 5e-4, 2e-4

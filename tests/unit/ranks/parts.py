@@ -17,7 +17,7 @@ from fcsim.linear.sparse.by_ranks import CONTACTS_FROM, RowsKept, times_by_ranks
 from fcsim.linear.sparse.columns import has_pattern
 from fcsim.mesh.part import RigidBody
 from fcsim.ranks import World, alone, for_parts, in_parts, largest, sharing
-from fcsim.ranks.common_memory import in_common
+from fcsim.ranks.mapped_memory import in_common
 
 
 def digest(array: np.ndarray) -> str:

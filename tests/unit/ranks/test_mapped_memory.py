@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from fcsim.arrays import IntArray
-from fcsim.ranks.common_memory import LEAST, MOST, CommonMemory, in_common
+from fcsim.ranks.mapped_memory import LEAST, MOST, CommonMemory, in_common
 from tests.unit.ranks.conftest import Program
 
 SIDE = 100  # arrays of 80 000 bytes
@@ -89,7 +89,7 @@ def test_nobody_writes_where_another_rank_still_reads() -> None:
 
 
 def test_blocks_are_few_and_go_back(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("fcsim.ranks.common_memory.IDLE", idle := 20)
+    monkeypatch.setattr("fcsim.ranks.mapped_memory.IDLE", idle := 20)
 
     def work(number: int, memory: CommonMemory) -> None:
         assert memory.array((LEAST // 16,), np.float64) is None
@@ -114,7 +114,7 @@ def test_where_a_rank_gets_none_nobody_has_any(monkeypatch: pytest.MonkeyPatch) 
             raise PermissionError(path)
         return given(path, *how)
 
-    monkeypatch.setattr("fcsim.ranks.common_memory.os.open", refusing)
+    monkeypatch.setattr("fcsim.ranks.mapped_memory.os.open", refusing)
     descriptors = len(list(Path("/proc/self/fd").iterdir()))
 
     def work(number: int, memory: CommonMemory) -> None:
@@ -129,7 +129,7 @@ KILLED = """
 import os, signal, time
 import numpy as np
 from fcsim.ranks import for_parts, in_parts, sharing
-from fcsim.ranks.common_memory import in_common
+from fcsim.ranks.mapped_memory import in_common
 
 def fill(begin, end):
     rows[begin:end] = 1.0
