@@ -51,6 +51,7 @@ class SystemFactor:
         self.rotation: FloatArray | None = None
         self._where: dict[Shares, tuple[IntArray, IntArray]] = {}  # of this factor and all that follow from it
         self._mine: dict[Shares, tuple[BoolArray, IntArray]] = {}  # see `own_bodies`
+        self.kept_layouts: list[object] = []  # the last one that was made of H, likewise
         self._last_product: tuple[FloatArray, FloatArray] | None = None
         self._set_rigid_mass(model.rigid_mass())
 

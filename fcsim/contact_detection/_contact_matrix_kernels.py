@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from fcsim.arrays import FloatArray, IntArray
+from fcsim.arrays import BoolArray, FloatArray, IntArray
 
 
 @njit(cache=True)
@@ -101,9 +101,9 @@ def fill_on_bodies(
     data: FloatArray,
 ) -> None:
     """As `fill_contact_matrix` on all degrees of freedom: those of nodes below `elastic`, then k of each rigid body, on which a force g at
-    its point p acts as (g, arm x g), arm (np, d)."""
+    its point p acts as (g, arm x g), arm (np, d). rows of no length are known already, and not written."""
     nc, most = nodes.shape
-    d = frame.shape[1]
+    d, known = frame.shape[1], len(rows) == 0
     real, split = np.empty(most, dtype=np.int64), d * elastic
     for a in range(nc):
         n = _in_order(nodes[a], weights[a], real)
@@ -115,7 +115,8 @@ def fill_on_bodies(
             for s in range(deformable):
                 node, weight, at = d * nodes[a, real[s]], weights[a, real[s]], begin + c * size + d * s
                 for i in range(d):
-                    rows[np.uint64(at + i)] = node + i
+                    if not known:
+                        rows[np.uint64(at + i)] = node + i
                     data[np.uint64(at + i)] = weight * frame[a, c, i]
             at, last = begin + c * size + d * deformable - k, -1
             for s in range(deformable, n):
@@ -123,7 +124,9 @@ def fill_on_bodies(
                 if body[p] != last:
                     last, at = body[p], at + k
                     for i in range(k):
-                        rows[at + i], data[at + i] = split + k * last + i, 0.0
+                        data[at + i] = 0.0
+                        if not known:
+                            rows[at + i] = split + k * last + i
                 for i in range(d):
                     g = weight * frame[a, c, i]
                     data[at + i] += g
@@ -133,6 +136,16 @@ def fill_on_bodies(
                         after, before = (i + 1) % 3, (i + 2) % 3  # of arm x g e_i
                         data[at + 3 + after] += arm[p, before] * g
                         data[at + 3 + before] -= arm[p, after] * g
+
+
+@njit(cache=True)
+def of_same_nodes(nodes: IntArray, weights: FloatArray, other: IntArray, used: BoolArray) -> bool:
+    """Whether contacts are on the nodes `other` (nc, k), those that count as `used` (nc, k) says."""
+    for a in range(len(nodes)):
+        for j in range(nodes.shape[1]):
+            if nodes[a, j] != other[a, j] or (weights[a, j] != 0.0) != used[a, j]:
+                return False
+    return True
 
 
 @njit(cache=True)

@@ -19,7 +19,7 @@ from fcsim.contact_detection.surfaces.facets import FacetGeometry
 from fcsim.contact_detection.surfaces.projection import closest_on_boundary, project_on_facets
 from fcsim.contact_detection.surfaces.surface import OPPOSING, SurfacePair
 from fcsim.contact_detection.surfaces.verlet_list import VerletList
-from fcsim.ranks import World, world
+from fcsim.ranks import World, complete_rows, for_parts, world
 
 ROUND = 1e-9  # distances that differ by less, relative to the facet size, are equal
 _PARALLEL = 0.99
@@ -110,12 +110,12 @@ class NodeToSegment:
         with ranks.together("contacts"):
             found = self._nearest(now, candidate[own], facet[own])
         counts = ranks.gathered(np.array([len(found.candidate)]), np.ones(ranks.size, dtype=np.int64))
-        begin, every = int(counts[: ranks.number].sum()), []
+        ends, every = [0, *np.cumsum(counts).tolist()], []
         for array in found:
-            whole = np.empty((int(counts.sum()), *array.shape[1:]), dtype=array.dtype)
-            whole[begin : begin + len(array)] = array
-            ranks.complete(whole, counts.tolist())
+            whole = for_parts((ends[-1], *array.shape[1:]), 0, array.dtype)
+            whole[ends[ranks.number] : ends[ranks.number + 1]] = array
             every.append(whole)
+        complete_rows(ranks, ends, *every)
         return Feet._make(every)
 
     def of_feet(self, feet: Feet) -> tuple[Contacts, IntArray]:

@@ -19,6 +19,7 @@ import scipy.sparse as sp
 from fcsim.arrays import IntArray
 from fcsim.assembly.model import Model
 from fcsim.contact_detection.contacts import Contacts
+from fcsim.ranks import in_common
 
 
 def at_one_point(model: Model, H: sp.csc_array, contacts: Contacts) -> None:
@@ -29,6 +30,8 @@ def at_one_point(model: Model, H: sp.csc_array, contacts: Contacts) -> None:
     chosen = _apart(model, contacts)
     if not len(chosen):
         return
+    if in_common(H.data):  # every rank does this to all of them
+        H.data = H.data.copy()
     d = contacts.dimension
     k = (H.shape[0] - model.n_elastic) // len(model.rigid)  # rows of a rigid body: its force, then its moment
     bodies, gap, frame = contacts.bodies[chosen], contacts.gap[chosen], contacts.frame[chosen]

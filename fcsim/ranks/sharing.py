@@ -5,6 +5,7 @@ from __future__ import annotations
 import atexit
 import os
 import sys
+import threading
 import traceback
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext, suppress
@@ -27,6 +28,12 @@ def world() -> World | None:
 def partners() -> World | None:
     """The ranks that this process shares its work with, also while it computes alone."""
     return _shared[-1] if _shared else None
+
+
+def kept_alike() -> bool:
+    """Whether what this process keeps now for later the other ranks keep too, who then need not exchange it: not what one of them alone
+    computes, nor what a thread beside the steps does."""
+    return not _shared or (not _alone and threading.current_thread() is threading.main_thread())
 
 
 def shared() -> bool:

@@ -11,10 +11,12 @@ import threading
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import DTypeLike, NDArray
 
 from fcsim.arrays import FloatArray
+from fcsim.ranks.mapped_memory import in_common
 from fcsim.ranks.sharing import alone, world
+from fcsim.ranks.world import World
 
 
 def shared_out(what: str, tasks: Sequence[tuple[int, Callable[[], FloatArray]]]) -> list[FloatArray]:
@@ -60,9 +62,52 @@ def in_pieces(what: str, ends: Sequence[int], work: Callable[[int, int], None], 
     with ranks.unasked(what):
         with alone():
             work(ends[ranks.number], ends[ranks.number + 1])
-        counts = [end - begin for begin, end in itertools.pairwise(ends)]
-        for array in arrays:
-            ranks.complete(array, counts)
+        complete_rows(ranks, ends, *arrays)
+
+
+def complete_rows(ranks: World, ends: Sequence[int], *arrays: NDArray) -> None:
+    """Have arrays, of which this rank k has written the rows ends[k] to ends[k + 1] - 1, the others' rows too."""
+    apart = [array for array in arrays if not in_common(array)]
+    counts = [end - begin for begin, end in itertools.pairwise(ends)]
+    for array in apart:
+        ranks.complete(array, counts)
+    if len(apart) < len(arrays) and ranks.common is not None:
+        ranks.common.meet()
+
+
+def for_parts(shape: tuple[int, ...], least: int, dtype: DTypeLike = np.float64) -> NDArray:
+    """An array of any numbers whose rows are to be written by `in_parts`: where ranks of one machine share that, in memory that they have
+    in common, so that nothing is copied. All ranks must ask.
+
+    Work must write all of its rows, zeros too, and nothing else: the others write theirs at the same time. After that the array is read
+    only: it is every rank's.
+    """
+    ranks = world()
+    if ranks is None or ranks.common is None or shape[0] < least or threading.current_thread() is not threading.main_thread():
+        return np.empty(shape, dtype=dtype)
+    found = ranks.common.array(shape, dtype)
+    return np.empty(shape, dtype=dtype) if found is None else found
+
+
+def common_arrays(rows: int, least: int, *wanted: tuple[tuple[int, ...], DTypeLike]) -> list[NDArray] | None:
+    """Arrays of shapes and types in memory that all ranks have in common, for `written`; None where there is none, or work on fewer rows
+    than `least`: each rank then does all of it, since copying would take as long. All ranks must ask."""
+    ranks = world()
+    if ranks is None or ranks.common is None or rows < least or threading.current_thread() is not threading.main_thread():
+        return None
+    arrays = [found for shape, dtype in wanted if (found := ranks.common.array(shape, dtype)) is not None]
+    return arrays if len(arrays) == len(wanted) else None
+
+
+def written(what: str, rows: int, work: Callable[[int, int], None]) -> None:
+    """Have work(begin, end) write to `common_arrays` what belongs to the rows begin, ..., end - 1: each rank some of them, and as in
+    `for_parts` nothing else."""
+    ranks = world()
+    assert ranks is not None and ranks.common is not None  # who has such arrays
+    with ranks.unasked(what):
+        with alone():
+            work(rows * ranks.number // ranks.size, rows * (ranks.number + 1) // ranks.size)
+        ranks.common.meet()
 
 
 def largest(what: str, rows: int, least: int, work: Callable[[int, int], FloatArray]) -> FloatArray:

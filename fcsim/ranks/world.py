@@ -26,6 +26,7 @@ from fcsim.arrays import FloatArray, IntArray
 from fcsim.errors import FcsimError
 from fcsim.interrupts import Ended, held_back
 from fcsim.ranks._digest_kernels import digest as digest_of_words
+from fcsim.ranks.mapped_memory import CommonMemory
 from fcsim.ranks.neighbours import gone, on_this_machine, stopped, this_process
 
 AWAKE, NAP = 5e-4, 2e-4
@@ -64,8 +65,8 @@ class RankFailed(RuntimeError):
 
 
 class World:
-    """The ranks, and this one among them: `number` of `size`. exchanges, messages and bytes count what this rank has sent, as if each
-    exchange were sent to all others directly (a broadcast: by its root)."""
+    """The ranks, and this one among them: `number` of `size`. common: memory of theirs, None where they are on several machines. exchanges,
+    messages and bytes count what this rank has sent, as if each exchange were sent to all others directly (a broadcast: by its root)."""
 
     def __init__(self) -> None:
         MPI = runtime.mpi()
@@ -77,6 +78,7 @@ class World:
         self._ended: dict[int, tuple[int, str, bool]] = {}
         self._stopped: dict[int, float] = {}
         self._neighbours, self._looked = on_this_machine(self._control.allgather(this_process())), 0.0
+        self.common = CommonMemory(self.number, self.size, self._met) if len(self._neighbours) == self.size - 1 else None
         self.broken = False
 
     def _wait(self, request: _Request) -> None:
@@ -223,6 +225,13 @@ class World:
         size = values.size // max(1, len(values))
         self._wait(self._data.Iallgatherv(self._mpi.IN_PLACE, [values, [size * count for count in counts]]))
         self._count(size * counts[self.number] * values.itemsize, self.size - 1)
+
+    def _met(self, own: IntArray) -> IntArray:
+        """Numbers (size, k) of all ranks, own (k,)."""
+        every = np.empty((self.size, len(own)), dtype=np.int64)
+        self._wait(self._data.Iallgather(own, every))
+        self._count(own.nbytes, self.size - 1)
+        return every
 
     def summed(self, what: str, values: FloatArray) -> None:
         """Replace values by their sum over the ranks: the same bits on each."""

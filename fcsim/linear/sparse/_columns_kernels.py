@@ -100,13 +100,33 @@ def times_columns_between(indptr, indices, data, x, first, last, y):
 
 
 @njit(cache=True)
-def rows_kept(indptr, indices, data, ordered, place, starts, rows, values):
-    """Write the columns of A (n, m) with its rows i at place[i], those with place[i] < 0 left out, one after the other; their starts
-    (m + 1,). ordered: whether rows ascend in each column."""
-    at, moved = 0, 0  # rows below `moved` stay where they are
-    starts[0] = 0
+def entries_kept(indptr, indices, ordered, place, moved):
+    """How many entries of the columns of A (n, m) are in rows i with place[i] >= 0; ordered: whether rows ascend in each column; rows below
+    `moved` are all kept."""
+    count = 0
+    for j in range(len(indptr) - 1):
+        begin, end = indptr[j], indptr[j + 1]
+        if ordered and (begin == end or indices[end - 1] < moved):
+            count += end - begin
+            continue
+        for k in range(begin, end):
+            count += place[np.uint64(indices[np.uint64(k)])] >= 0
+    return count
+
+
+@njit(cache=True)
+def first_moved(place):
+    """The first row that does not stay where it is."""
+    moved = 0
     while moved < len(place) and place[moved] == moved:
         moved += 1
+    return moved
+
+
+@njit(cache=True)
+def rows_kept(indptr, indices, data, ordered, place, moved, at, end, starts, rows, values):
+    """Write some columns of A (n, m), to rows[at], ... and before rows[end], with its rows i at place[i], those with place[i] < 0 left
+    out, one after the other; where they end: starts (m,). ordered: whether rows ascend in each column; rows below `moved` stay."""
     for j in range(len(indptr) - 1):
         begin, size = np.uint64(indptr[j]), indptr[j + 1] - indptr[j]
         if ordered and (size == 0 or indices[indptr[j + 1] - 1] < moved):
@@ -115,13 +135,29 @@ def rows_kept(indptr, indices, data, ordered, place, starts, rows, values):
             for k in range(np.uint64(size)):
                 values[np.uint64(at) + k] = data[begin + k]
             at += size
-            starts[j + 1] = at
+            starts[j] = at
             continue
         for k in range(indptr[j], indptr[j + 1]):
             i, to = place[np.uint64(indices[np.uint64(k)])], np.uint64(at)
-            rows[to], values[to] = i, data[np.uint64(k)]  # written over by the next where this row is left out
+            if at < end:
+                rows[to], values[to] = i, data[np.uint64(k)]  # written over by the next where this row is left out
             at += i >= 0
-        starts[j + 1] = at
+        starts[j] = at
+
+
+@njit(cache=True)
+def values_kept(indptr, indices, data, ordered, place, moved, starts, values):
+    """Write the values of `rows_kept` where it is known where its columns begin and end, starts (m + 1,)."""
+    for j in range(len(indptr) - 1):
+        begin, end, at = indptr[j], indptr[j + 1], np.uint64(starts[j])
+        if ordered and (begin == end or indices[end - 1] < moved):
+            for k in range(np.uint64(end - begin)):
+                values[at + k] = data[np.uint64(begin) + k]
+            continue
+        for k in range(begin, end):
+            if place[np.uint64(indices[np.uint64(k)])] >= 0:
+                values[at] = data[np.uint64(k)]
+                at += np.uint64(1)
 
 
 @njit(cache=True)

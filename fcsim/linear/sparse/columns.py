@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 import scipy.sparse as sp
+from numpy.typing import NDArray
 
 from fcsim.arrays import BoolArray, FloatArray, IntArray, Matrix
 from fcsim.linear.sparse import _columns_kernels as kernels
@@ -35,12 +36,26 @@ def times(A: sp.sparray | FloatArray, x: FloatArray) -> FloatArray:
 def rows_kept(A: sp.csc_array, place: IntArray, count: int) -> sp.csc_array:
     """The matrix (count, m) with row i of A (n, m) at place[i], those with place[i] < 0 left out; the others' order stays."""
     starts, rows, values = np.empty_like(A.indptr), np.empty_like(A.indices), np.empty_like(A.data)
-    kernels.rows_kept(A.indptr, A.indices, A.data, bool(A.has_canonical_format), place, starts, rows, values)
+    starts[0], ordered = 0, bool(A.has_canonical_format)
+    by_columns = A.indptr, A.indices, A.data, ordered
+    kernels.rows_kept(*by_columns, place, kernels.first_moved(place), 0, len(rows), starts[1:], rows, values)
+    return of_kept(A, count, starts, rows, values)
+
+
+def of_kept(A: sp.csc_array, count: int, starts: IntArray, rows: IntArray, values: FloatArray) -> sp.csc_array:
+    """The matrix (count, m) of what `rows_kept` leaves of A (n, m)."""
     end = int(starts[-1])
-    kept = sp.csc_array((values[:end], rows[:end], starts), shape=(count, A.shape[1]))
+    rows = rows if end == len(rows) else rows[:end]  # the very array where it is whole
+    kept = sp.csc_array((values[:end], rows, starts), shape=(count, A.shape[1]))
     if A.has_canonical_format:
         kept.has_canonical_format = True
     return kept
+
+
+def has_pattern(A: sp.csc_array, indptr: NDArray[np.integer], indices: NDArray[np.integer]) -> bool:
+    """Whether A's arrays are these very ones, in one place of memory: SciPy makes views of the indices that it is given."""
+    same = A.indptr is indptr and A.indices.shape == indices.shape and A.indices.dtype == indices.dtype
+    return same and A.indices.__array_interface__["data"] == indices.__array_interface__["data"]
 
 
 def entries_of_rows(A: sp.csr_array | sp.csc_array) -> IntArray:

@@ -14,7 +14,7 @@ from fcsim.linear.sparse.by_ranks import CONTACTS_FROM
 from fcsim.problem._delassus_kernels import bodies_of_contacts
 from fcsim.problem.bodies._shares_kernels import sides_of_pairs
 from fcsim.problem.bodies.shares import Run
-from fcsim.ranks import World, in_parts
+from fcsim.ranks import World, for_parts, in_parts
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,7 +106,8 @@ class BodiesOverRanks:
 
 def bodies_by_ranks(H: sp.csc_array, body: IntArray, d: int) -> tuple[IntArray, bool]:
     """As `bodies_of_contacts` of H (n, d nc), of some contacts by each rank; all ranks must ask."""
-    bodies, more = np.empty((H.shape[1] // d, 2), dtype=np.int64), np.zeros(H.shape[1] // d, dtype=bool)
+    nc = H.shape[1] // d
+    bodies, more = for_parts((nc, 2), CONTACTS_FROM, np.int64), for_parts((nc,), CONTACTS_FROM, np.bool_)
 
     def find(begin: int, end: int) -> None:
         bodies[begin:end], more[begin:end] = bodies_of_contacts(H.indptr[d * begin : d * end + 1], H.indices, body, d)

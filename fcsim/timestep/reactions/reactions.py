@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from fcsim.arrays import FloatArray
 from fcsim.brief import brief
 from fcsim.contact_detection.contacts import Contacts
-from fcsim.ranks import in_parts
+from fcsim.ranks import for_parts, in_parts
 from fcsim.timestep.reactions._carry_kernels import carry
 
 SHARED_FROM = 20_000
@@ -37,11 +37,13 @@ class Reactions:
         rows: unknowns a contact, None = d.
         """
         d = contacts.dimension
-        r, place = np.zeros((len(contacts), d if rows is None else rows)), np.empty(len(contacts), dtype=np.int64)
-        moments = min(r.shape[1], self.r.shape[1]) > 3
+        shape, place = (len(contacts), d if rows is None else rows), np.empty(len(contacts), dtype=np.int64)
+        moments = min(shape[1], self.r.shape[1]) > 3
+        r: FloatArray = np.empty(shape) if moments else for_parts(shape, SHARED_FROM)
 
         def some(begin: int, end: int) -> None:
             own = slice(begin, end)
+            r[own] = 0.0
             place[own] = carry(self.identity, self.frame, self.r, contacts.identity[own], contacts.frame[own], r[own])
 
         in_parts("reactions of earlier steps", len(contacts), SHARED_FROM, some, r, *([place] if moments else []))

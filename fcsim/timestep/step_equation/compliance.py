@@ -24,10 +24,11 @@ from fcsim.problem._reduction_kernels import added_to_own_blocks
 from fcsim.problem.bodies.late import late_sum, summed, summed_late
 from fcsim.problem.bodies.shares import BodyShares, shares_of
 from fcsim.problem.delassus_sum import DelassusSum
-from fcsim.problem.distributed import BodiesOverRanks, DistributedDelassus, bodies_by_ranks, contact_layout
+from fcsim.problem.distributed import BodiesOverRanks, DistributedDelassus
 from fcsim.threads import begun
 from fcsim.timestep.step_equation._turned_rows_kernels import turned_rows
 from fcsim.timestep.step_equation.contact_tangent.leaning import Leaning
+from fcsim.timestep.step_equation.over_ranks import layout_of
 
 _MARGIN = 0.05
 """Of A's own stiffness: what A + B keeps of it at least in every direction."""
@@ -252,31 +253,20 @@ class StepCompliance:
         shares = self.factor.model.shares
         if shares is None or dimension != self.factor.model.dimension:
             return None
-        H, (body, column), rank = self._on_compliances(H), self.factor.places, self.factor.ranks()
-        nc, count = H.shape[1] // dimension, len(rank)
-        make_h, (bodies, more) = partial(self._entries_by_body, given, dimension), bodies_by_ranks(H, body, dimension)
-        if more:
-            first, contacts = make_h()[:2]
-            of_pairs = np.repeat(np.arange(count), np.diff(first))
-        else:
-            contacts, side = np.nonzero(bodies >= 0)
-            of_pairs = bodies[contacts, side]
-        layout = contact_layout(shares.world, rank[of_pairs], contacts, nc, dimension)
-        entries = np.sum(np.bincount(of_pairs) ** 2) * dimension**2
-        if entries < self.over_ranks_from or not all(len(some) for some in layout.contacts):
+        H, rank = self._on_compliances(H), self.factor.ranks()
+        make_h = partial(self._entries_by_body, given, dimension)
+        known = layout_of(self.factor, shares, H, given, dimension, make_h)
+        layout, count = known.layout, len(rank)
+        if known.entries < self.over_ranks_from or not all(len(some) for some in layout.contacts):
             return None
-        elastic = np.zeros(nc, dtype=bool)
-        elastic[contacts[of_pairs < len(self.factor.model.deformable)]] = True
-        if self.over_ranks_elastic and not elastic.all():
+        if self.over_ranks_elastic and not known.elastic:
             return None
         with shares.world.together("W"):
-            mine, own = self.factor.own_bodies(shares)
-            blocks = None if more else _blocks_of(bodies, mine)
-            W = DelassusSum(H, own, column, count, dimension, blocks, layout.own)
+            W = DelassusSum(H, known.own, self.factor.places[1], count, dimension, known.blocks, layout.own)
             runs = tuple(self.factor.compliances(self._asked(H)))
             late = late_sum(W, runs)
             share = in_blocks(summed(W, runs), dimension) if late is None else late
-        return cast(Matrix, DistributedDelassus(layout, share, BodiesOverRanks(make_h, None if more else bodies, runs, rank, nc)))
+        return cast(Matrix, DistributedDelassus(layout, share, BodiesOverRanks(make_h, known.bodies, runs, rank, layout.nc)))
 
     def _entries_by_body(self, H: sp.sparray, dimension: int) -> tuple[IntArray, IntArray, IntArray, IntArray, FloatArray]:
         """h of all bodies, see `entries_by_body`."""
@@ -311,15 +301,6 @@ class StepCompliance:
         indptr, indices, data = turned_rows(tuple(range(model.dimension)), H.indptr, H.indices, H.data, body, self.factor.rotation)
         turned = sp.csc_array((data, indices, indptr), shape=H.shape)
         return turned if axes is None else sp.csc_array(axes @ turned)
-
-
-def _blocks_of(bodies: IntArray, mine: BoolArray) -> int:
-    """The blocks of W by the bodies `mine` (nb,) alone; bodies (nc, 2) of the contacts, -1: none. Contacts of two of these have one block
-    from both."""
-    own = (bodies >= 0) & mine[bodies]
-    both = bodies[own.all(axis=1)]
-    shared = np.unique(both[:, 0] * len(mine) + both[:, 1], return_counts=True)[1]
-    return int(np.sum(np.bincount(bodies[own]) ** 2) - np.sum(shared**2))
 
 
 def _chosen(rows: IntArray, n: int, d: int) -> sp.csc_array:

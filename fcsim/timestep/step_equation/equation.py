@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from weakref import WeakKeyDictionary
 
 import numpy as np
 import scipy.sparse as sp
@@ -13,7 +14,8 @@ from fcsim.arrays import FloatArray, Matrix
 from fcsim.assembly.compliance import SystemFactor
 from fcsim.assembly.model import Model
 from fcsim.contact_detection.contacts import Contacts
-from fcsim.linear.sparse.columns import rows_kept, transposed_times
+from fcsim.linear.sparse.by_ranks import RowsKept
+from fcsim.linear.sparse.columns import transposed_times
 from fcsim.problem import GlobalProblem
 from fcsim.problem.reduction import Reduction
 from fcsim.problem.rolling import GlobalRollingProblem
@@ -29,6 +31,9 @@ from fcsim.timestep.step_equation.compliance import StepCompliance
 from fcsim.timestep.step_equation.contact_tangent.leaning import Leaning, leaning
 from fcsim.timestep.step_equation.linearisation import Linearisation
 from fcsim.timestep.step_equation.linked_compliance import LinkedCompliance
+
+_kept: WeakKeyDictionary[Model, RowsKept] = WeakKeyDictionary()
+"""H's rows on the problems' unknowns."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,7 +106,9 @@ class Equation:
         """The rows of H (n_dofs, m) of the bodies' unknowns in the problem, driven ones zero or left out; by columns where H is."""
         model = self.model
         if model.axes_matrix is None and isinstance(H, sp.csc_array):
-            return rows_kept(H, *model.place_of_unknowns)
+            if model not in _kept:
+                _kept[model] = RowsKept(*model.place_of_unknowns)
+            return _kept[model](H)
         if model.axes_matrix is not None:
             H = sp.csr_array(model.axes_matrix @ H)
         if model.driven == "eliminated":

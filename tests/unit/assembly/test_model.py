@@ -1,6 +1,7 @@
 """The model: numbering, operators of deformable and rigid bodies, supports, loads, refusals."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -245,6 +246,18 @@ def test_the_contact_matrix_of_bodies_is_made_in_one_pass(d: int, part: Part, pl
     assert H.has_canonical_format and H.shape == expected.shape
     for name in ("indptr", "indices", "data"):
         assert_array_equal(getattr(H, name), getattr(expected, name))
+    for k in range(3):  # other frames and weights on the same nodes; then a node more, and others
+        if k == 1:
+            weights[weights == 0], nodes[nodes < 0] = 0.5, 0
+        if k == 2:
+            nodes[:] = nodes[::-1].copy()
+        weights *= 1.5
+        last = H.indptr
+        again = replace(contacts, frame=contacts.frame[::-1].copy())
+        H, expected = contact_matrix_of_bodies(again, model, x), model.contact_matrix(contact_matrix(again, model.n_nodes), x)
+        assert (H.indptr is last) == (k == 0)  # who knows the pattern knows it again
+        for name in ("indptr", "indices", "data"):
+            assert_array_equal(getattr(H, name), getattr(expected, name))
     nodes[0, 0], weights[0, 0] = model.n_nodes, 1.0
     with pytest.raises(InputError, match="expected node numbers below"):
         contact_matrix_of_bodies(contacts, model, x)

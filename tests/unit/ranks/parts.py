@@ -2,14 +2,22 @@
 
 import hashlib
 import json
+import os
 import sys
 from pathlib import Path
 
 import numpy as np
 import scipy.sparse as sp
 
-from fcsim.linear.sparse.by_ranks import CONTACTS_FROM, times_by_ranks, transposed_times_by_ranks
-from fcsim.ranks import World, alone, in_parts, largest, sharing
+from fcsim.assembly.model import build_model
+from fcsim.contact_detection import Contacts, contact_matrix_of_bodies
+from fcsim.contact_detection.frames import frames
+from fcsim.contact_law.one_point import at_one_point
+from fcsim.linear.sparse.by_ranks import CONTACTS_FROM, RowsKept, times_by_ranks, transposed_times_by_ranks
+from fcsim.linear.sparse.columns import has_pattern
+from fcsim.mesh.part import RigidBody
+from fcsim.ranks import World, alone, for_parts, in_parts, largest, sharing
+from fcsim.ranks.mapped_memory import in_common
 
 
 def digest(array: np.ndarray) -> str:
@@ -27,6 +35,44 @@ def made(rows: int, least: int) -> tuple[list[str], int]:
 
     in_parts("rows", rows, least, work, numbers, flags)
     return [digest(numbers), digest(flags)], own[0]
+
+
+def common(world: World | None) -> dict[str, object]:
+    """Rows in memory that ranks have in common: digests, what was sent for them, and whether an array that rank 0 alone keeps stays as it
+    is while others are made."""
+    kept, digests, sent, sizes = None, [], [], []
+    for k in range(12):
+        before = 0 if world is None else world.bytes
+        rows = for_parts((20_000, 3), 1)
+
+        def work(begin: int, end: int, rows: np.ndarray = rows, k: int = k) -> None:
+            rows[begin:end] = np.sin(np.arange(3 * begin, 3 * end) + k).reshape(-1, 3)
+
+        in_parts("rows", len(rows), 1, work, rows)
+        assert in_common(rows) == in_common(rows[5:]) == (world is not None)
+        digests.append(digest(rows))
+        sent.append(0 if world is None else world.bytes - before)
+        if k == 0 and (world is None or world.number == 0):
+            kept = rows
+        del rows
+        sizes.append(0 if world is None or world.common is None else world.common.bytes)
+    still = kept is None or digest(kept) == digests[0]
+    return {"digests": digests, "sent": max(sent[2:]), "still": still, "grows": sizes[-1] > sizes[2]}
+
+
+def refused(world: World | None) -> tuple[list[str], bool]:
+    """Rows where rank 0 gets no memory that others may have."""
+    given = os.memfd_create
+    if world is not None and world.number == 0:
+        os.memfd_create = lambda name: given(name, 1 << 30)  # no such flag
+    rows = for_parts((50_000, 2), 1)
+    os.memfd_create = given
+
+    def work(begin: int, end: int) -> None:
+        rows[begin:end] = np.arange(2 * begin, 2 * end).reshape(-1, 2)
+
+    in_parts("rows", len(rows), 1, work, rows)
+    return [digest(rows)], in_common(rows)
 
 
 def products() -> list[str]:
@@ -60,6 +106,53 @@ def alike(A: sp.csc_array) -> sp.csc_array:
     return B
 
 
+def at_one_place() -> list[str]:
+    """H of many contacts between two rigid bodies, moved to one point, which is written to in the place of what was there, beside what a
+    rank alone makes; twice, the second time with the pattern of the first."""
+    rng, nc = np.random.default_rng(2), 4000
+    points, facet = rng.standard_normal((4, 3)), {"face": np.array([[0, 1, 2]])}
+    model = build_model([RigidBody(name, 2.0, np.eye(3), np.zeros(3), points, facet) for name in ("one", "other")])
+    normals = rng.standard_normal((nc, 3))
+    nodes, weights = np.column_stack([rng.integers(0, 4, nc), rng.integers(4, 8, nc)]), np.tile([1.0, -1.0], (nc, 1))
+    frame = frames(normals / np.linalg.norm(normals, axis=1)[:, None])
+    gap = 1.0 + rng.random(nc)
+    contacts = Contacts(np.zeros((nc, 3)), frame, gap, np.zeros(nc), nodes, weights, np.tile([0, 1], (nc, 1)), np.arange(nc))
+
+    def made() -> sp.csc_array:
+        H = contact_matrix_of_bodies(contacts, model, np.zeros(model.n_dofs))
+        at_one_point(model, H, contacts)
+        return H
+
+    found = [made(), made()]
+    with alone():
+        expected = made()
+    for H in found:
+        assert np.array_equal(H.toarray(), expected.toarray())
+    return [digest(H.data) for H in found]
+
+
+def kept_rows() -> list[str]:
+    """Some rows of a matrix by columns, moved, of more and fewer columns than ranks share."""
+    rng, found = np.random.default_rng(1), []
+    for columns in (3 * CONTACTS_FROM + 3, 30):
+        A = sp.random_array((500, columns), density=0.02, rng=rng, format="csc")
+        A.sum_duplicates()
+        for place in (
+            np.where(np.arange(500) % 7, np.arange(500), -1),
+            np.where(np.arange(500) < 300, np.arange(500), np.arange(500) - 50),
+        ):
+            place = np.where((np.arange(500) >= 300) & (np.arange(500) < 350), -1, place)
+            keep, last = RowsKept(place, 500), None
+            for B in (A, sp.csc_array((A.data + 1.0, A.indices, A.indptr), shape=A.shape), 2 * A):
+                B.sum_duplicates()
+                kept, expected = keep(B), np.zeros(B.shape)
+                expected[place[place >= 0]] = B.toarray()[place >= 0]
+                assert np.array_equal(kept.toarray(), expected)
+                found += [digest(kept.indptr), digest(kept.indices), digest(kept.data), str(last is not None and has_pattern(kept, *last))]
+                last = kept.indptr, kept.indices
+    return found
+
+
 def looked_at() -> list[float]:
     """The largest of what ranks see of many numbers, and of few."""
     x = np.sin(np.arange(1000.0) ** 2)
@@ -90,6 +183,9 @@ def main(folder: Path) -> None:
             "products": products(),
             "largest": looked_at(),
             "sent": sent(world),
+            "kept": [*kept_rows(), *at_one_place()],
+            "common": common(world),
+            "refused": refused(world),
         }
         (folder / f"{number}.json").write_text(json.dumps(found), encoding="utf-8")
 

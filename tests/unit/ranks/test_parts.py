@@ -28,7 +28,11 @@ def test_parts_are_those_of_one_process(mpiexec: Program, tmp_path: Path, expect
         for name in ("rows", "few", "several", "alone"):
             assert own[name][0] == expected[name][0]
         assert own["products"] == expected["products"] and own["largest"] == expected["largest"]
-        assert own["sent"]
+        assert own["sent"] and own["kept"] == expected["kept"]
+        common = own["common"]
+        assert common["digests"] == expected["common"]["digests"]
+        assert common["sent"] < 1000 and common["still"] and not common["grows"]  # 480 000 bytes are written a time
+        assert own["refused"] == [expected["refused"][0], False]
         assert own["few"][1] == own["alone"][1] == expected["rows"][1] == 1001
     for name, count in (("rows", 1001), ("several", 2)):
         made = [own[name][1] for own in found]
