@@ -18,6 +18,7 @@ from fcsim.linear.joints import BlockRows
 from fcsim.problem import LocalProblem
 from fcsim.solvers.automatic.costs import Prices
 from fcsim.solvers.base import Iterate, Monitor, Options, Status
+from fcsim.solvers.memory import Memory
 from fcsim.solvers.turns import Turns
 
 SLICE = 0.1
@@ -40,6 +41,7 @@ class ShareOfMonitor(Monitor):
     """
 
     def __init__(self, whole: Monitor) -> None:
+        self.whole, self._told = whole, 0
         super().__init__(
             *(np.empty(0), whole.mu, whole.dimension, whole.tol),
             compliance=whole.compliance,
@@ -47,10 +49,19 @@ class ShareOfMonitor(Monitor):
             start=whole.start,
             memory=whole.memory,
         )
-        self.whole, self.scale, self._told = whole, whole.scale, 0
+        self.scale = whole.scale
         self.speed = self.taken_up = float("inf")
         self.paths: list[list[float]] = []
         self.beside = 0.0
+
+    @property
+    def memory(self) -> Memory | None:
+        """The race's: what one method leaves there another one does not throw away."""
+        return self.whole.memory
+
+    @memory.setter
+    def memory(self, memory: Memory | None) -> None:
+        self.whole.memory = memory
 
     def error(self, r: FloatArray, u: FloatArray) -> float:
         return self.whole.error(r, u)
@@ -66,7 +77,6 @@ class ShareOfMonitor(Monitor):
         """Count the iterations done since the last time in the race's monitor too."""
         self.whole.iterations += self.iterations - self._told
         self._told = self.iterations
-        self.whole.memory = self.memory
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -12,9 +12,11 @@ import pytest
 from fcsim.problem import LocalProblem
 from fcsim.solvers.automatic import methods
 from fcsim.solvers.automatic.costs import Prices
+from fcsim.solvers.automatic.pause import Pause
 from fcsim.solvers.automatic.race import Race, Runner, ShareOfMonitor, Stage, run
 from fcsim.solvers.automatic.stages import AutomaticOptions
 from fcsim.solvers.base import Iterate, Monitor, Status
+from fcsim.solvers.memory import Memory
 from fcsim.solvers.turns import Turns
 
 PROBLEM = LocalProblem(np.eye(3), np.array([-1.0, 0, 0]), np.zeros(1))  # r = (1, 0, 0) solves it; the error of (1 - e, 0, 0) is e
@@ -219,3 +221,15 @@ def test_a_turn_without_an_iteration_ends_a_slice() -> None:
         runner.work(amount)
         done.append(runner.monitor.iterations)
     assert done == [2, 3, 6, 7]
+
+
+def test_what_one_method_leaves_another_one_does_not_throw_away() -> None:
+    """Sweeps that began before Newton's method has left its systems for the next step, and go on after that."""
+    whole = Monitor(PROBLEM.q, PROBLEM.mu, 3, 1e-8, memory=Memory(np.arange(1)))
+    sweeps, newton = ShareOfMonitor(whole), ShareOfMonitor(whole)
+    assert newton.memory is not None
+    newton.memory = newton.memory.having(Pause(np.empty(0, dtype=np.int64), length=2, left=1))
+    sweeps.iterations += 1
+    sweeps.tell()
+    assert whole.iterations == 1
+    assert whole.memory is not None and whole.memory.earlier(Pause) is not None
