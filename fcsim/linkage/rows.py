@@ -27,9 +27,9 @@ def asked(link: Jointed, points: FloatArray, rest: float) -> Asked:
     rest [m]: the length of a rod, cable or spring, of a control where its points' mean begins.
     """
     if isinstance(link, Ball):
-        return _together(points[:2], np.eye(points.shape[1]), 2, 0)
+        return _together(np.eye(points.shape[1]), 2, 0)
     if isinstance(link, Hinge):
-        at = _together(points, np.eye(3), 4, 0)
+        at = _together(np.eye(3), 4, 0)
         coefficients = np.zeros((5, 4))
         coefficients[:3], coefficients[3:] = at.coefficients, -_beside(points, 3, 2)
         return Asked(coefficients, np.concatenate([at.direction, _across(points[2] - points[0])]), np.zeros(5))
@@ -46,7 +46,7 @@ def asked(link: Jointed, points: FloatArray, rest: float) -> Asked:
     return Asked(coefficients, direction[None], np.array([rest]))
 
 
-def _together(points: FloatArray, directions: FloatArray, count: int, begin: int) -> Asked:
+def _together(directions: FloatArray, count: int, begin: int) -> Asked:
     """Point `begin` on point begin + 1, along the directions (k, d)."""
     coefficients = np.zeros((len(directions), count))
     coefficients[:, begin], coefficients[:, begin + 1] = 1, -1

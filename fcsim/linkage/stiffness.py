@@ -35,7 +35,7 @@ def link_stiffness(linkage: Linkage, rows: Rows, l: FloatArray, x: FloatArray, *
     force of a link turns. convex: (1) where it pulls, and of (3) what it is once the body has turned along its forces, with the root of
     N N^T for N = sum q F^T: no negative eigenvalue, and the same where forces that pull balance."""
     model = linkage.model
-    nodal = _of_rods(linkage, rows, l, x, convex)
+    nodal = _of_rods(linkage, rows, l, convex)
     if not convex:
         for piece in linkage.on_lines(x):
             nodal = nodal + _on_line(*piece, rows, l)
@@ -47,7 +47,7 @@ def link_stiffness(linkage: Linkage, rows: Rows, l: FloatArray, x: FloatArray, *
     return turned if turned.nnz else None
 
 
-def _of_rods(linkage: Linkage, rows: Rows, l: FloatArray, x: FloatArray, convex: bool) -> sp.csr_array:
+def _of_rods(linkage: Linkage, rows: Rows, l: FloatArray, convex: bool) -> sp.csr_array:
     """(1) of all rods and springs, on the nodes (d n_nodes, d n_nodes)."""
     model, d = linkage.model, linkage.model.dimension
     length = rows.gap + linkage.rest

@@ -284,6 +284,14 @@ def under_law(
     return Encounter(contacts, H, meeting, terms, through, moment_matrix(model, contacts, terms), left, driven)
 
 
+def asked_again(
+    model: Model, scheme: Scheme, state: State, met: Encounter, contacts: Contacts, bend: FloatArray | None = None
+) -> Encounter:
+    """Ask the law about other contacts of the same step, at the positions and with the memory of `met`; bend (nc,) [m]: see `Meeting`."""
+    told = met.meeting
+    return under_law(model, scheme, state, contacts, told.positions, told.proportions, told.variables, bend, trial=told.trial)
+
+
 def _separated(H: sp.sparray, meeting: Meeting, apart: BoolArray) -> tuple[Driven, sp.csc_array, Meeting]:
     """The contacts `apart` (nc,), and H and the meeting of the others."""
     d, contacts = meeting.contacts.dimension, meeting.contacts.take(apart)

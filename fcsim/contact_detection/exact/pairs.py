@@ -83,7 +83,7 @@ def _core_points(now: Placed, a: IntArray, b: IntArray) -> tuple[FloatArray, Flo
         drop = np.where(points[c], c % 2 == 1, grows[c] < -_PARALLEL)
         s[drop, c] = np.nan
     for c in (2, 3):  # an end of b whose foot is an end of a was found from a
-        met = np.isclose(np.abs(s[:, c]), half_a, rtol=0, atol=1e-12) & _found_from_a(s, t, c, half_b)
+        met = np.isclose(np.abs(s[:, c]), half_a, rtol=0, atol=1e-12) & _found_from_a(s, t, c)
         s[met, c] = np.nan
     crossing = (1 - cosine**2 > _PARALLEL**2) & (half_a > 0) & (half_b > 0)
     square = np.where(crossing, 1 - cosine**2, 1.0)
@@ -94,7 +94,7 @@ def _core_points(now: Placed, a: IntArray, b: IntArray) -> tuple[FloatArray, Flo
     return s / scale_a, t / scale_b
 
 
-def _found_from_a(s: FloatArray, t: FloatArray, c: int, half_b: FloatArray) -> BoolArray:
+def _found_from_a(s: FloatArray, t: FloatArray, c: int) -> BoolArray:
     """Whether one of a's ends has the end of b in column c as its foot."""
     return np.any((s[:, :2] == s[:, c : c + 1]) & np.isclose(t[:, :2], t[:, c : c + 1], rtol=0, atol=1e-12), axis=1)
 

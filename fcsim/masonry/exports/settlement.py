@@ -19,7 +19,7 @@ def columns_of(problem: MasonryProblem, seen: Settlement) -> tuple[str, ...]:
     return ("moved [mm]", *forces, "widest joint [mm]", "slip [mm]", "open joints")
 
 
-def rows_of(problem: MasonryProblem, seen: Settlement, digits: int) -> list[tuple[str, ...]]:
+def rows_of(seen: Settlement, digits: int) -> list[tuple[str, ...]]:
     """A row a step, the first before the support moves."""
     rows = []
     for k in range(len(seen.moved)):
@@ -50,4 +50,4 @@ def write_settlement(directory: Path, problem: MasonryProblem, movements: Sequen
     """Write the way into a folder: settle.json, settle.csv."""
     directory.mkdir(parents=True, exist_ok=True)
     write_record(directory / "settle.json", settlement_summary(problem, movements, seen))
-    write_csv(directory / "settle.csv", columns_of(problem, seen), rows_of(problem, seen, digits=9))
+    write_csv(directory / "settle.csv", columns_of(problem, seen), rows_of(seen, digits=9))

@@ -81,7 +81,7 @@ def closed_surface(name: str, points: ArrayLike, faces: Sequence[Sequence[int]] 
     polygons = tuple(tuple(np.searchsorted(used, first[place.ravel()][np.asarray(face, dtype=np.int64)]).tolist()) for face in faces)
     x, triangles = x[used], numbers.reshape(-1, 3)
     _refuse_open(what, x, triangles)
-    triangles = _consistent(what, x, triangles)
+    triangles = _consistent(what, triangles)
     volume = np.linalg.det((x - x.mean(axis=0))[triangles]).sum() / 6
     if not abs(volume) > SMALLEST_VOLUME * size**3:
         raise InputError(f"{what}: expected a surface around a volume, got {volume:.3g} m^3 within {size:.3g} m")
@@ -166,7 +166,7 @@ def _edges(triangles: IntArray) -> IntArray:
     return np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
 
 
-def _consistent(what: str, x: FloatArray, triangles: IntArray) -> IntArray:
+def _consistent(what: str, triangles: IntArray) -> IntArray:
     """The triangles, each edge run through once in either direction; those of one piece are turned where they differ from the first."""
     edges = _edges(triangles)
     order = np.lexsort(np.sort(edges, axis=1).T)

@@ -33,7 +33,7 @@ def at_rest(unknowns, h, c, n):
 @njit(cache=True)
 def newton_in_velocities(
     unknowns, h, n, mass, places, masses, indptr, indices, mirror, order, front, starts, rows, number, width, border, offsets, values,
-    pivots, own, first, least, most, mu, weights, q, r, u, rho, target, iterations,
+    pivots, own, first, least, most, mu, weights, r, u, rho, target, iterations,
 ):  # fmt: skip
     """Newton's iterations in place on r, u (m,) and rho (nc, d) until the residual is at most target, `iterations` at the most.
 

@@ -51,7 +51,7 @@ class NewtonInVelocities:
                 return Iterate(r, Status.MAX_ITERATIONS)
             count = min(RECOMPUTED, most - watch.iterations)
             ended, done, best, residual = newton_in_velocities(
-                *self._arrays, own, first, *adaptive_range(first), self._problem.mu, watch.compliance, q, r, u, rho, target, count
+                *self._arrays, own, first, *adaptive_range(first), self._problem.mu, watch.compliance, r, u, rho, target, count
             )
             watch.iterations += done
             if residual < watch.best * watch.scale:

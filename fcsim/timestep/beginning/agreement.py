@@ -8,10 +8,9 @@ import numpy as np
 import scipy.sparse as sp
 
 from fcsim.assembly.model import Model
-from fcsim.contact_law.proportions import Proportions
 from fcsim.linkage import Linkage
 from fcsim.linkage.linkage import Rows
-from fcsim.timestep.encounter import Encounter, under_law
+from fcsim.timestep.encounter import Encounter, asked_again
 from fcsim.timestep.links.linked import Linked
 from fcsim.timestep.scheme import Scheme
 from fcsim.timestep.state import State
@@ -20,7 +19,7 @@ AGREE = 1e-9
 """Of the fastest node: relative velocities of links below are round-off."""
 
 
-def held_at_once(linkage: Linkage | None, model: Model, state: State) -> Linked | None:
+def held_at_once(linkage: Linkage | None, state: State) -> Linked | None:
     """The rows of links that are kept exactly and not driven, with b = 0, in the configuration of the state itself; None where there are
     none. Springs give way, and what drives points acts from the first step on."""
     if linkage is None:
@@ -40,8 +39,7 @@ def forbids(rows: Linked, model: Model, state: State) -> bool:
     return float(np.abs(rows.G.T @ state.v).max(initial=0.0)) > AGREE * fastest
 
 
-def without_contacts(model: Model, scheme: Scheme, state: State, met: Encounter, proportions: Proportions) -> Encounter:
+def without_contacts(model: Model, scheme: Scheme, state: State, met: Encounter) -> Encounter:
     """Another encounter's step without its contacts."""
-    meeting = met.meeting
-    none = meeting.contacts.take(np.zeros(len(meeting.contacts), dtype=bool))
-    return replace(under_law(model, scheme, state, none, meeting.positions, proportions, meeting.variables), left=None)
+    contacts = met.meeting.contacts
+    return replace(asked_again(model, scheme, state, met, contacts.take(np.zeros(len(contacts), dtype=bool))), left=None)

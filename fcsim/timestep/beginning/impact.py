@@ -99,7 +99,7 @@ def struck(
     if state.rate is not None or scheme.way(model, state) is None or not state.v.any():
         return None
     impact = Impact(h=ahead or timing.h, law=scheme.law)
-    rows = held_at_once(linkage, model, state)
+    rows = held_at_once(linkage, state)
     forbidden = rows is not None and not start.seen and forbids(rows, model, state)
     if ahead <= 0 and not forbidden:
         return None
@@ -108,7 +108,7 @@ def struck(
     if ahead <= 0 or not len(met.contacts) or not met.keeps_apart(scheme.law):
         if not forbidden:
             return None
-        met = without_contacts(model, impact, state, met, proportions)
+        met = without_contacts(model, impact, state, met)
     else:
         bent = looked_ahead(model, detection, impact, state, met, state.v, impact.moved(model, state, state.v))
         if bent is None and not forbidden and not _approaches(met, impact, state.v):

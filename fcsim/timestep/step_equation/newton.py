@@ -194,7 +194,7 @@ class _Newton:
             if length == 1 and new.residual <= 1 and at_rest and result.error <= tol and self._stands(equation, new, result):
                 if not tried:
                     self.attempts.append(looped_attempt(result, len(self.done), equation.share, tol))
-                return self._answer(equation, reduction, new, load + pushed, result), past
+                return self._answer(equation, reduction, new, result), past
             if self.anew is not None:
                 past, equation = past.of_the_same_step(equation.met.contacts, met.contacts, result.r), replace(equation, met=met)
             now = new if new.term.blocks else replace(new, term=self.inner.at(new.v, tangent=True))
@@ -333,7 +333,7 @@ class _Newton:
         r, left = (new.r, np.zeros(0)) if equation.met is earlier else carry(earlier.contacts, new.r, equation.met.contacts)
         return replace(new, r=r, residual=self._relative(equation, new.v, r, new.term, new.l, new.push)), left
 
-    def _answer(self, equation: Equation, reduction: Reduction, new: Iterate, load: FloatArray, result: Result) -> Answer:
+    def _answer(self, equation: Equation, reduction: Reduction, new: Iterate, result: Result) -> Answer:
         """The answer; its right side is that of the nonlinear equation, so that what supports take is what they take of it."""
         exact = equation.rest - self._linear(new.v) - new.term.force + new.push + equation.factor.apply_tangents(new.v)
         assert self.start is not None

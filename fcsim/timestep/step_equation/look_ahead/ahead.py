@@ -31,7 +31,7 @@ from fcsim.contact_detection.sweep import brought_back
 from fcsim.contact_law.law import Implicit
 from fcsim.linear.sparse._vectors_kernels import farthest
 from fcsim.ranks import largest
-from fcsim.timestep.encounter import Encounter, under_law
+from fcsim.timestep.encounter import Encounter, asked_again
 from fcsim.timestep.scheme import Scheme
 from fcsim.timestep.state import State
 from fcsim.timestep.step_equation.look_ahead.lengths import BORNE, THROWN, moves, of_other_facets, places, turns
@@ -90,11 +90,7 @@ def looked_ahead(
     new = brought_back(new, met.meeting.positions)
     every = join([held, new])
     order = np.argsort(every.identity, kind="stable")
-    meeting = met.meeting
-    bent = np.concatenate([bend, np.zeros(len(new))])[order]
-    again = under_law(
-        model, scheme, state, every.take(order), meeting.positions, meeting.proportions, meeting.variables, bent, trial=meeting.trial
-    )
+    again = asked_again(model, scheme, state, met, every.take(order), np.concatenate([bend, np.zeros(len(new))])[order])
     same = len(again.contacts) == len(held) and np.array_equal(again.terms.w, met.terms.w)
     return None if same else again  # a law that does not ask for gaps
 

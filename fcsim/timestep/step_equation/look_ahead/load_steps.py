@@ -16,7 +16,7 @@ from fcsim.contact_detection import Detection, Detector, Everything, ExactContac
 from fcsim.contact_detection.contacts import Contacts, join
 from fcsim.contact_detection.sweep import brought_back
 from fcsim.errors import InputError
-from fcsim.timestep.encounter import Encounter, under_law
+from fcsim.timestep.encounter import Encounter, asked_again
 from fcsim.timestep.scheme import Scheme
 from fcsim.timestep.state import State
 from fcsim.timestep.step_equation.look_ahead.lengths import BORNE, THROWN, moves, of_other_facets, places, turns
@@ -45,14 +45,14 @@ def came_together(model: Model, detection: Detection, scheme: Scheme, state: Sta
     """
     if model.nonlinear or not isinstance(detection, Everything | Detector | ExactContacts):
         return None
-    begin, end, held, meeting = met.meeting.positions, model.positions(after.x), met.meeting.contacts, met.meeting
+    begin, end, held = met.meeting.positions, model.positions(after.x), met.meeting.contacts
     if not moves(met, end - begin):
         return None
     there, released = detection(end), met.released
     passed = _passed(met, there, end)
     if passed.any():
         released = np.concatenate([released, np.unique(np.sort(held.bodies[passed], axis=1), axis=0)])
-        again = under_law(model, scheme, state, held.take(~passed), begin, meeting.proportions, meeting.variables, trial=meeting.trial)
+        again = asked_again(model, scheme, state, met, held.take(~passed))
         return replace(again, ending=met.ending, released=released)
     found, ending = _closed(met, _met_far(model, met, detection, end - begin), end), met.ending
     found = found.take(~_of_pairs(found, ending))
@@ -72,7 +72,7 @@ def came_together(model: Model, detection: Detection, scheme: Scheme, state: Sta
         return None
     every = join([held, found])
     every = every.take(np.argsort(every.identity, kind="stable"))
-    again = under_law(model, scheme, state, every, begin, meeting.proportions, meeting.variables, trial=meeting.trial)
+    again = asked_again(model, scheme, state, met, every)
     return replace(again, ending=ending, released=released)
 
 
