@@ -8,7 +8,7 @@ contacts (see `Terms`), so that solvers and FCLIB files know Coulomb's cone alon
 
 and in a sixth, rolling and spinning resistance, by which the problem has moments and the cone of five or six dimensions.
 
-A law of one's own is a frozen dataclass with the members of `Law`; `docs/contact_laws.md` has an example.
+A law of one's own is a frozen dataclass with the members of `Law`; `docs/guides/add_a_contact_law.md` has one that runs.
 """
 
 from __future__ import annotations
