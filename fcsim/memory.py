@@ -66,6 +66,7 @@ def _number(path: str, unknown: float = float("inf")) -> float:
 
 
 def own_addresses() -> float:
+    """Bytes of addresses that this process has taken; 0 where the system does not say."""
     try:
         return float(Path("/proc/self/statm").read_text(encoding="ascii").split()[0]) * os.sysconf("SC_PAGE_SIZE")
     except (OSError, ValueError):

@@ -115,6 +115,7 @@ class Discretisation:
 
 @once_per_part
 def discretise(part: Part) -> Discretisation:
+    """The part's cells as dolfinx has them, made once a part; InputError where nodes are in no cell."""
     orphans = np.setdiff1d(np.arange(len(part.points)), part.cells)
     if orphans.size:  # they would have neither stiffness nor mass
         raise InputError(

@@ -224,6 +224,7 @@ def _shape(record: object, where: str) -> tuple[FloatArray, Faces]:
 
 
 def friction_of(problem: Record, where: str) -> float | None:
+    """mu of the problem's contact model, by mu or by the angle phi [degrees]; None where it has none, InputError where it has cohesion."""
     properties = problem.get("contact_properties")
     law = None if properties is None else data_of(properties, where).get("contact_model")
     if law is None:

@@ -41,6 +41,7 @@ def _reals(values: object, what: str, kind: str) -> FloatArray:
 
 
 def as_vector(values: object, what: str) -> FloatArray:
+    """`values` as a contiguous vector of finite floats that may be written to; InputError names `what` where they are none."""
     vector = _reals(values, what, "vector")
     if vector.ndim != 1:
         raise InputError(f"{what}: expected a vector, got shape {vector.shape}")
@@ -60,6 +61,10 @@ def _finite(matrix: Matrix) -> bool:
 
 
 def as_matrix(values: object, what: str, shape: tuple[int, int]) -> Matrix:
+    """`values` as a matrix of that shape with finite floats, dense or sparse; one that is made late, or shared by ranks, as it is.
+
+    InputError names `what` where they are none.
+    """
     matrix: Matrix
     if isinstance(values, DistributedDelassus | ImplicitMatrix):
         if values.shape != shape:

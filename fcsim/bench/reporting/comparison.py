@@ -36,6 +36,8 @@ class Selection:
 
 @dataclass(frozen=True, eq=False)
 class ToleranceComparison:
+    """The measurements at one tolerance: times, performance profile, counts."""
+
     table: TimeTable
     profile: Profile
     summary: Summary

@@ -36,6 +36,8 @@ class Look(TypedDict, total=False):
 
 @dataclass(frozen=True)
 class CurveStyle:
+    """How a solver's curve is drawn: colour, dashes, marker (hollow or full), scale of line and marker."""
+
     colour: str
     dashes: Dashes
     marker: str

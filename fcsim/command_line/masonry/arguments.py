@@ -70,12 +70,15 @@ def stone(options: argparse.Namespace) -> Stone | None:
             raise InputError(f"--{next(iter(given))}: expected it with --blocks deformable or mixed")
         return None
     for name, value in given.items():
-        if not ((math.isfinite(value) and value > 0) or (name == "nu" and 0 <= value < 0.5)) or (name == "nu" and value >= 0.5):
-            raise InputError(f"--{name}: expected a number > 0{' and < 0.5' if name == 'nu' else ''}, got {value}")
+        if name == "nu" and not 0 <= value < 0.5:
+            raise InputError(f"--nu: expected a number >= 0 and < 0.5, got {value}")
+        if name != "nu" and not (math.isfinite(value) and value > 0):
+            raise InputError(f"--{name}: expected a number > 0, got {value}")
     return Stone(**{"cells": 1.0, **given})
 
 
 def add_export(command: argparse.ArgumentParser, what: str) -> None:
+    """`--export FILE`, whose suffix says the format; what: what is written, for the help."""
     command.add_argument(
         "--export", type=Path, metavar="FILE", help=f"{what}: .obj, .stl, .ply, .off, .glb, .3mf, .dxf, .json (a problem), .compas.json"
     )

@@ -35,6 +35,7 @@ class Slip:
 
 
 def slip_of(problem: LimitProblem, v: FloatArray) -> Slip:
+    """What the mechanism v (n_dofs,) asks of contact forces; a contact far slower than the fastest one is at rest."""
     d = problem.contacts.dimension
     u = (problem.H.T @ v[problem.free]).reshape(-1, d)
     none = _STILL[d] * max(float(np.abs(u).max()), 1e-300)
@@ -46,6 +47,8 @@ def slip_of(problem: LimitProblem, v: FloatArray) -> Slip:
 
 @dataclass(frozen=True, eq=False)
 class Answer:
+    """A program's optimum: the multiplier lambda, contact forces r (m,) [N] and the mechanism v, the dual."""
+
     multiplier: float
     r: FloatArray
     v: FloatArray

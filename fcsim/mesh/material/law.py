@@ -105,6 +105,7 @@ def initial_variables(law: PointLaw) -> FloatArray:
 
 
 def refuse_density(what: str, density: float) -> None:
+    """InputError where a density [kg/m^3] is no number >= 0."""
     if not (is_number(density) and density >= 0):
         raise InputError(f"{what}: expected a density >= 0 in kg/m^3, got {shown(density)}")
 

@@ -35,6 +35,7 @@ def link_points(vtk: VTK, step: Step, linked: Linked) -> vtkPolyData:
 
 
 def contact_points(vtk: VTK, step: Step, displacement: NDArray) -> vtkPolyData:
+    """The contacts of a step as points: forces, sliding, status, moments, what laws remember; where bodies overlap most, if they do."""
     contacts, nc = step.contacts, len(step.contacts)
     force = np.asarray(step.contact_force).reshape(nc, contacts.dimension)
     sliding = np.asarray(step.result.u).reshape(nc, -1 if nc else contacts.dimension)[:, 1 : contacts.dimension]

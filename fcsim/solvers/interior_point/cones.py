@@ -68,12 +68,14 @@ class NesterovTodd:
 
 
 def reflect(x: FloatArray) -> FloatArray:
+    """J x = (x_0, -x_1, ...) of vectors (n, k)."""
     y = -x
     y[:, 0] = x[:, 0]
     return y
 
 
 def determinant(x: FloatArray) -> FloatArray:
+    """det x = x_0^2 - ||x_1, ...||^2 (n,) of vectors (n, k) in the cone, kept above zero."""
     norm = np.sqrt(np.einsum("ai,ai->a", x[:, 1:], x[:, 1:]))
     return np.maximum((x[:, 0] - norm) * (x[:, 0] + norm), 1e-300)
 
