@@ -4,13 +4,15 @@ import hashlib
 import json
 import os
 import sys
+from dataclasses import fields
 from pathlib import Path
+from unittest.mock import patch
 
 import numpy as np
 import scipy.sparse as sp
 
 from fcsim.assembly.model import build_model
-from fcsim.contact_detection import Contacts, contact_matrix_of_bodies
+from fcsim.contact_detection import Contacts, ContactSurface, Detector, SurfacePair, contact_matrix_of_bodies, node_to_segment
 from fcsim.contact_detection.frames import frames
 from fcsim.contact_law.one_point import at_one_point
 from fcsim.linear.sparse.by_ranks import CONTACTS_FROM, RowsKept, times_by_ranks, transposed_times_by_ranks
@@ -131,6 +133,31 @@ def at_one_place() -> list[str]:
     return [digest(H.data) for H in found]
 
 
+def contacts_found(world: World | None) -> list[str]:
+    """Contacts of a plate above another one, all of them, then more and more of one side of it, and all again, beside what a rank alone
+    finds: candidates are shared out anew where one rank has nearly all."""
+    x, y = np.meshgrid(np.arange(21.0), np.arange(21.0), indexing="ij")
+    corner = (21 * np.arange(20)[:, None] + np.arange(20)).ravel()
+    up = corner[:, None] + [0, 21, 22, 1]
+    below, above = ContactSurface(up, np.zeros(400, dtype=np.int64)), ContactSurface(441 + up[:, ::-1], np.ones(400, dtype=np.int64))
+    detector = Detector([SurfacePair(above, below, mu=0.5, alert=0.1)], 882)
+    found, cuts = [], []
+    with patch.object(node_to_segment, "SHARED_FROM", 100):
+        for k, far in enumerate((99.0, 99.0, 12.0, 12.0, 6.0, 6.0, 99.0, 99.0)):
+            z = np.where(x > far, 5.0, 0.01 * np.sin(x + k))
+            positions = np.concatenate([np.stack([x, y, 0 * z], axis=2), np.stack([x + 0.1, y + 0.2, z], axis=2)]).reshape(-1, 3)
+            contacts = detector(positions)
+            with alone():
+                expected = detector(positions)
+            assert len(contacts) > 20
+            assert all(np.array_equal(getattr(contacts, f.name), getattr(expected, f.name)) for f in fields(contacts) if f.name != "bulge")
+            found.append(digest(contacts.gap))
+            cuts.append(detector.methods[0]._cuts)  # type: ignore[union-attr]
+    if world is not None:
+        assert len(set(cuts)) > 2 and len(cuts[0]) == world.size + 1  # shared out, and once more
+    return found
+
+
 def kept_rows() -> list[str]:
     """Some rows of a matrix by columns, moved, of more and fewer columns than ranks share."""
     rng, found = np.random.default_rng(1), []
@@ -183,7 +210,7 @@ def main(folder: Path) -> None:
             "products": products(),
             "largest": looked_at(),
             "sent": sent(world),
-            "kept": [*kept_rows(), *at_one_place()],
+            "kept": [*kept_rows(), *at_one_place(), *contacts_found(world)],
             "common": common(world),
             "refused": refused(world),
         }
