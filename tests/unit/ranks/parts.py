@@ -20,6 +20,8 @@ from fcsim.linear.sparse.columns import has_pattern
 from fcsim.mesh.part import RigidBody
 from fcsim.ranks import World, alone, for_parts, in_parts, largest, sharing
 from fcsim.ranks.mapped_memory import in_common
+from fcsim.timestep.reactions import reactions
+from fcsim.timestep.reactions.reactions import Reactions, transferred
 
 
 def digest(array: np.ndarray) -> str:
@@ -151,11 +153,29 @@ def contacts_found(world: World | None) -> list[str]:
                 expected = detector(positions)
             assert len(contacts) > 20
             assert all(np.array_equal(getattr(contacts, f.name), getattr(expected, f.name)) for f in fields(contacts) if f.name != "bulge")
-            found.append(digest(contacts.gap))
+            found += [digest(contacts.gap), *carried(contacts, k)]
             cuts.append(detector.methods[0]._cuts)  # type: ignore[union-attr]
     if world is not None:
         assert len(set(cuts)) > 2 and len(cuts[0]) == world.size + 1  # shared out, and once more
     return found
+
+
+def carried(contacts: Contacts, k: int) -> list[str]:
+    """Of four steps' reactions at some of these contacts, beside the same vectors in space taken contact by contact."""
+    rng, memory = np.random.default_rng(k), []
+    for _ in range(4):
+        known = np.flatnonzero(rng.random(len(contacts)) < 0.9)
+        frame = frames(np.linalg.qr(rng.standard_normal((len(known), 3, 3)))[0][:, 0])
+        memory.append(Reactions(contacts.identity[known], frame, rng.standard_normal((len(known), 3))))
+    with patch.object(reactions, "IN_COMMON_FROM", 1):
+        found = transferred(memory, contacts)
+    for of_step, r in zip(memory, found, strict=True):
+        old, expected = {int(i): a for a, i in enumerate(of_step.identity)}, np.zeros((len(contacts), 3))
+        for a, identity in enumerate(contacts.identity.tolist()):
+            if identity in old:
+                expected[a] = contacts.frame[a] @ (of_step.frame[old[identity]].T @ of_step.r[old[identity]])
+        assert np.allclose(r.reshape(-1, 3), expected, rtol=0, atol=1e-13)
+    return [digest(r) for r in found]
 
 
 def kept_rows() -> list[str]:
