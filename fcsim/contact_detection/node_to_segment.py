@@ -14,18 +14,21 @@ from fcsim.contact_detection.false_sides import came_another_way, known_facets, 
 from fcsim.contact_detection.frames import frames
 from fcsim.contact_detection.surfaces import candidates as candidate_points
 from fcsim.contact_detection.surfaces import facets as contact_facets
-from fcsim.contact_detection.surfaces._facet_kernels import facing_above, feet_of_points, mean_points
-from fcsim.contact_detection.surfaces.facets import FacetGeometry
+from fcsim.contact_detection.surfaces._facet_kernels import facing_above, feet_of_points
+from fcsim.contact_detection.surfaces.candidates import Candidates
+from fcsim.contact_detection.surfaces.facets import FacetGeometry, Facets
 from fcsim.contact_detection.surfaces.projection import closest_on_boundary, project_on_facets
 from fcsim.contact_detection.surfaces.surface import OPPOSING, SurfacePair
 from fcsim.contact_detection.surfaces.verlet_list import VerletList
-from fcsim.ranks import World, complete_rows, for_parts, world
+from fcsim.ranks import World, alone, complete_rows, for_parts, in_common, kept_alike, world
 
 ROUND = 1e-9  # distances that differ by less, relative to the facet size, are equal
 _PARALLEL = 0.99
 
 SHARED_FROM = 30_000
 """Possible pairs from which ranks share them out."""
+UNEVEN = 1.2
+"""How many possible pairs one rank may have, relative to the mean, before candidates are shared out anew."""
 
 VALLEY = 3
 """How many contacts a candidate may have with one body where that is asked for, see `valleys`."""
@@ -75,15 +78,20 @@ class NodeToSegment:
         self.topology = contact_facets.topology(self.masters)
         self.pair_of_candidate = np.repeat(np.arange(len(pairs)), counts)
         self._first = np.concatenate([[0], np.cumsum(counts)])
-        self._near = [VerletList() for _ in pairs]
+        self._near, self._near_own = ([VerletList() for _ in pairs] for _ in range(2))
+        self._cuts: tuple[int, ...] = ()  # (size + 1,): which candidates each rank has, empty where they are not shared out
         self.known = known_facets(self.slaves, self.masters)
         self._node = np.where((self.candidates.nodes >= 0).sum(axis=1) == 1, self.candidates.nodes[:, 0], -1)
         self._n_bodies = 1 + int(self.masters.bodies.max(initial=0))
         self.over_facets = 0.0
+        self._known_part: tuple[tuple[int, int], tuple[Candidates, Facets]] = (0, -1), (self.candidates, self.slaves)
         self.identities = np.array(counts) * self._n_bodies * VALLEY
 
     def at(self, x: FloatArray) -> tuple[Contacts, IntArray]:
         """Contacts at positions x (n_nodes, d) [m], and their pairs."""
+        ranks = world()
+        if ranks is not None and len(self._cuts) == ranks.size + 1 and type(self) is NodeToSegment and x.shape[1] == 3:
+            return self.of_feet(self._by_ranks(ranks, x))
         now = self.configuration(x)
         return self.contacts(now, *self.search(now))
 
@@ -109,14 +117,27 @@ class NodeToSegment:
         own = slice(cuts[ranks.number], cuts[ranks.number + 1])
         with ranks.together("contacts"):
             found = self._nearest(now, candidate[own], facet[own])
-        counts = ranks.gathered(np.array([len(found.candidate)]), np.ones(ranks.size, dtype=np.int64))
-        ends, every = [0, *np.cumsum(counts).tolist()], []
-        for array in found:
-            whole = for_parts((ends[-1], *array.shape[1:]), 0, array.dtype)
-            whole[ends[ranks.number] : ends[ranks.number + 1]] = array
-            every.append(whole)
-        complete_rows(ranks, ends, *every)
-        return Feet._make(every)
+        if kept_alike() and len(starts) == ranks.size - 1:
+            self._cuts = (0, *starts.tolist(), len(self.candidates.bodies))
+        return _gathered(ranks, found, len(candidate))[0]
+
+    def _by_ranks(self, ranks: World, x: FloatArray) -> Feet:
+        """`feet` at positions x (n_nodes, 3), each rank of its own candidates, from where these are on."""
+        begin, end = self._cuts[ranks.number : ranks.number + 2]
+        master, count = contact_facets.geometry_by_ranks(self.masters, x), self._cuts[-1]
+        point, outward, size = for_parts((count, 3), 0), np.empty((count, 3)), for_parts((count,), 0)
+        with ranks.together("contacts"), alone():
+            if self._known_part[0] != (begin, end):
+                self._known_part = (begin, end), candidate_points.some(self.candidates, self.slaves, begin, end)
+            point[begin:end], outward[begin:end], size[begin:end] = candidate_points.placed(*self._known_part[1], x)
+            now = Configuration(point, outward, size, master, x)  # what follows for all ranks' feet does not ask for `outward`
+            possible = self._sought(now, self._near_own, begin, end)
+            found = self._nearest(now, *possible)
+        nearest, pairs = _gathered(ranks, found, len(possible[0]))
+        complete_rows(ranks, self._cuts, *(array for array in (point, size) if not in_common(array)))
+        if pairs.max() * ranks.size > UNEVEN * pairs.sum():
+            self._cuts = ()
+        return self._once_per_place(now, self._truly(now, nearest))
 
     def of_feet(self, feet: Feet) -> tuple[Contacts, IntArray]:
         """The contacts of feet that are sorted by `number`, those of one number in a row, and their pairs."""
@@ -124,28 +145,23 @@ class NodeToSegment:
 
     def configuration(self, x: FloatArray) -> Configuration:
         """The candidates and facets at positions x (n_nodes, d) [m]."""
-        slave = contact_facets.geometry(self.slaves, x)
-        candidates = self.candidates
-        if x.shape[1] == 3:
-            point: FloatArray = mean_points(candidates.nodes, candidates.weights, x)
-        else:
-            point = np.einsum("nk,nkd->nd", candidates.weights, x[candidates.nodes])
-        mean = candidates.averaging @ np.column_stack([slave.normal, slave.size])
-        length = np.sqrt(np.einsum("nd,nd->n", mean[:, :-1], mean[:, :-1]))
-        outward = mean[:, :-1] / np.maximum(length, 1e-300)[:, None]
-        return Configuration(point, outward, mean[:, -1], contact_facets.geometry(self.masters, x), x)
+        return Configuration(*candidate_points.placed(self.candidates, self.slaves, x), contact_facets.geometry(self.masters, x), x)
 
     def search(self, now: Configuration) -> tuple[IntArray, IntArray]:
         """Possible pairs (candidate, facet)."""
+        return self._sought(now, self._near, 0, len(self.candidates.bodies))
+
+    def _sought(self, now: Configuration, near: list[VerletList], begin: int, end: int) -> tuple[IntArray, IntArray]:
+        """The possible pairs of the candidates begin, ..., end - 1."""
         found = []
         for number, pair in enumerate(self.pairs):
-            ours = slice(self._first[number], self._first[number + 1])
+            ours = slice(max(begin, self._first[number]), min(end, self._first[number + 1]))
             theirs = slice(self.masters.offsets[number], self.masters.offsets[number + 1])
             size = now.master.size[theirs]
             depth = np.minimum(size, now.size[ours].max(initial=0.0))
             reach = now.master.radius[theirs] + np.maximum(pair.alert, self.penetration * depth) + self.edge_tolerance * depth
             reach += self.over_facets
-            candidate, facet = self._near[number](now.point[ours], now.master.centre[theirs], reach)
+            candidate, facet = near[number](now.point[ours], now.master.centre[theirs], reach)
             found.append((candidate + ours.start, facet + theirs.start))
         candidate, facet = (np.concatenate(part) for part in zip(*found, strict=True))
         other = self.candidates.bodies[candidate] != self.masters.bodies[facet]
@@ -300,3 +316,15 @@ class NodeToSegment:
             bodies=np.stack([self.candidates.bodies[candidate], self.masters.bodies[feet.facet]], axis=1),
             identity=number - first[pair] + again * np.diff(first)[pair],
         )
+
+
+def _gathered(ranks: World, found: Feet, number: int) -> tuple[Feet, IntArray]:
+    """The feet that the ranks have found, in their order, and every rank's number."""
+    counts, numbers = ranks.gathered(np.array([len(found.candidate), number]), [2] * ranks.size).reshape(-1, 2).T
+    ends, every = [0, *np.cumsum(counts).tolist()], []
+    for array in found:
+        whole = for_parts((ends[-1], *array.shape[1:]), 0, array.dtype)
+        whole[ends[ranks.number] : ends[ranks.number + 1]] = array
+        every.append(whole)
+    complete_rows(ranks, ends, *every)
+    return Feet._make(every), numbers

@@ -167,6 +167,18 @@ def entries_by_body(indptr, indices, data, body, column, count, d, some):
     return first, contacts, begins, unknowns, weights
 
 
+@njit(cache=True, nogil=True)
+def weights_from(sources, data):
+    """weights (entries, 3) of `entries_by_body` from H's values where each stands: sources (entries, 3) from 1 on, 0: a zero; less than 0:
+    added to a zero, so that no -0 is left."""
+    weights = np.empty(sources.shape)
+    for e in range(len(sources)):
+        for i in range(3):
+            at = sources[e, i]
+            weights[e, i] = data[at - 1] if at > 0 else 0.0 + data[-at - 1] if at < 0 else 0.0
+    return weights
+
+
 @njit(cache=True)
 def combine(unknowns, weights, begin, end, X, since, rows):
     """rows[i, since:] = sum of weights[e, i] X[unknowns[e], since:] for begin <= e < end and i < 3."""

@@ -14,11 +14,22 @@ import scipy.sparse as sp
 
 from fcsim.arrays import FloatArray, IntArray, Matrix
 from fcsim.linear import storage
-from fcsim.problem._delassus_kernels import add_bodies, add_diagonal_bodies, entries_by_body, rounds_of_bodies, union_of_neighbours
+from fcsim.problem._delassus_kernels import (
+    add_bodies,
+    add_diagonal_bodies,
+    entries_by_body,
+    of_one_pattern,
+    rounds_of_bodies,
+    union_of_neighbours,
+    weights_from,
+)
 from fcsim.threads import pieces_by_work, side_by_side
 
 WORK_A_PIECE = 15_000
 """Numbers of h C and h C h^T that one thread makes: each takes a weighted sum of some twelve, a tenth of a millisecond in all."""
+
+type Entries = tuple[IntArray, IntArray, IntArray, IntArray, FloatArray]
+"""first, contacts, begins, unknowns, weights of h, see `entries_by_body`."""
 
 
 class _Patterns:
@@ -42,6 +53,46 @@ class _Patterns:
 
 _patterns = _Patterns()
 
+ENTRIES_FROM = 20_000
+"""Entries of H from which it is looked whether it has those of the last one."""
+
+
+class _Entries:
+    """Makes h of H by bodies: where H has entries where the last two had them, contacts of the same bodies, from its values alone."""
+
+    def __init__(self) -> None:
+        self._last: tuple[tuple[IntArray, ...], tuple[int, int], tuple[IntArray, ...], IntArray | None] | None = None
+
+    def of(self, H: sp.csc_array, body: IntArray, column: IntArray, count: int, d: int, some: IntArray) -> Entries:
+        """As `entries_by_body`."""
+        given, sizes = (H.indptr, H.indices, body, column, some), (count, d)
+        if len(H.indices) < ENTRIES_FROM:
+            found: Entries = entries_by_body(H.indptr, H.indices, H.data, *given[2:4], *sizes, some)
+            return found
+        last = self._last  # read once: threads may ask side by side
+        same = last is not None and last[1] == sizes and all(np.array_equal(a, b) for a, b in zip(given, last[0], strict=True))
+        if last is not None and same and last[3] is not None:
+            first, contacts, begins, unknowns = last[2]
+            return first, contacts, begins, unknowns, weights_from(last[3], H.data)
+        found = entries_by_body(H.indptr, H.indices, H.data, *given[2:4], *sizes, some)
+        if last is not None and same and H.has_canonical_format:  # a weight is one entry
+            self._last = *last[:2], found[:4], self._sources(given, sizes, found)
+        elif not same:
+            self._last = tuple(array.copy() for array in given), sizes, found[:4], None
+        return found
+
+    @staticmethod
+    def _sources(given: tuple[IntArray, ...], sizes: tuple[int, int], found: Entries) -> IntArray:
+        """Of each weight (entries, 3) its place in H's values, from 1 on, 0: it is 0; less than 0 where it was added to a zero."""
+        indptr, indices, body, column, some = given
+        places = entries_by_body(indptr, indices, np.arange(1.0, len(indices) + 1), body, column, *sizes, some)[4].astype(np.int32)
+        added = ~of_one_pattern(indptr, indices, sizes[1], some)[found[1]]
+        places[np.repeat(added, np.diff(found[2]))] *= -1
+        return places
+
+
+_entries = _Entries()
+
 
 class DelassusSum:
     """W (m, m) while the bodies' shares are added, dense or by block rows (`fcsim.linear.storage`); values: its entries so far, in one
@@ -64,8 +115,7 @@ class DelassusSum:
         some = np.arange(H.shape[1] // dimension) if some is None else some
         self.nc, self._axes = len(some), tuple(range(dimension))
         self._m = self.nc * dimension
-        self.bodies: tuple[IntArray, IntArray, IntArray, IntArray, FloatArray]
-        self.bodies = entries_by_body(H.indptr, H.indices, H.data, body, column, count, dimension, some)
+        self.bodies: Entries = _entries.of(H, body, column, count, dimension, some)
         self._blocks = blocks
 
     @cached_property

@@ -79,7 +79,9 @@ def outweighed(
     """
     if not residual > 1e-13 * scale:  # round-off
         return ""
-    pressed = (r.reshape(-1, dimension) != 0).any(axis=1) | (u[::dimension] < 0) | (q[::dimension] < 0)
+    pressed = (u[::dimension] < 0) | (q[::dimension] < 0)
+    for k in range(dimension):  # rows of three are slow to ask
+        pressed |= r[k::dimension] != 0
     counted = max(float(np.linalg.norm(q.reshape(-1, dimension)[pressed])), floor)
     if residual <= max(OUTWEIGHED, 10 * tol) * counted:
         return ""

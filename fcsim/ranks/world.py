@@ -30,7 +30,7 @@ from fcsim.ranks.mapped_memory import CommonMemory
 from fcsim.ranks.neighbours import gone, on_this_machine, stopped, this_process
 
 AWAKE, NAP = 5e-4, 2e-4
-"""[s] A rank that waits looks again and again for so long, and then after so many seconds each."""
+"""[s] A rank that waits looks again and again for so long, and then after a tenth of what it has waited, up to so long."""
 GRACE = 2.0
 """[s] What others have sent before they ended arrives within it."""
 LAST_WAIT = 20.0
@@ -93,7 +93,7 @@ class World:
         while not request.Test():
             waited = time.perf_counter() - begin
             if waited > AWAKE:
-                time.sleep(NAP)
+                time.sleep(min(NAP, 0.1 * waited))
                 self._hear()
                 since = since or (waited if self._ended else 0.0)
                 if since and waited > since + GRACE:

@@ -18,11 +18,9 @@ def _dot(a, b):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def facets_in_space(closed, positions):
-    """Corners (n, k, 3), centres, radii around them, mean normals and their lengths, the areas, of facets closed (n, k), k = 3 or 4; see
-    `geometry`."""
+def write_facets(closed, positions, corners, centre, radius, normal, area):
+    """Write what `facets_in_space` finds."""
     n, k = closed.shape
-    corners, centre, radius, normal, area = np.empty((n, k, 3)), np.empty((n, 3)), np.empty(n), np.empty((n, 3)), np.empty(n)
     a, b = np.empty(3), np.empty(3)
     for f in range(n):
         own = corners[f]
@@ -45,6 +43,15 @@ def facets_in_space(closed, positions):
         x, y, z = 0.5 * (a[1] * b[2] - a[2] * b[1]), 0.5 * (a[2] * b[0] - a[0] * b[2]), 0.5 * (a[0] * b[1] - a[1] * b[0])
         area[f] = math.sqrt((x * x + z * z) + y * y)
         normal[f, 0], normal[f, 1], normal[f, 2] = x / area[f], y / area[f], z / area[f]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def facets_in_space(closed, positions):
+    """Corners (n, k, 3), centres, radii around them, mean normals and their lengths, the areas, of facets closed (n, k), k = 3 or 4; see
+    `geometry`."""
+    n, k = closed.shape
+    corners, centre, radius, normal, area = np.empty((n, k, 3)), np.empty((n, 3)), np.empty(n), np.empty((n, 3)), np.empty(n)
+    write_facets(closed, positions, corners, centre, radius, normal, area)
     return corners, centre, radius, normal, area
 
 

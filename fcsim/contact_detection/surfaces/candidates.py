@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array, vstack
 
 from fcsim.arrays import FloatArray, IntArray
-from fcsim.contact_detection.surfaces.facets import averaging_at_nodes
+from fcsim.contact_detection.surfaces._facet_kernels import mean_points
+from fcsim.contact_detection.surfaces.facets import Facets, averaging_at_nodes, geometry
 from fcsim.contact_detection.surfaces.surface import CandidateRule, ContactSurface
 
 _g = 1.0 / np.sqrt(3.0)  # two-point Gauss-Legendre rule on [-1, 1]
@@ -78,3 +79,26 @@ def join(parts: list[Candidates]) -> Candidates:
         np.concatenate([part.bodies for part in parts]),
         vstack(averaging, format="csr"),
     )
+
+
+def placed(candidates: Candidates, slaves: Facets, positions: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Points (nc, d), outward directions (nc, d) and sizes (nc,) of candidates on these facets for node positions (nodes, d) [m]."""
+    slave = geometry(slaves, positions)
+    if positions.shape[1] == 3:
+        point: FloatArray = mean_points(candidates.nodes, candidates.weights, positions)
+    else:
+        point = np.einsum("nk,nkd->nd", candidates.weights, positions[candidates.nodes])
+    mean = candidates.averaging @ np.column_stack([slave.normal, slave.size])
+    length = np.sqrt(np.einsum("nd,nd->n", mean[:, :-1], mean[:, :-1]))
+    return point, mean[:, :-1] / np.maximum(length, 1e-300)[:, None], mean[:, -1]
+
+
+def some(candidates: Candidates, slaves: Facets, begin: int, end: int) -> tuple[Candidates, Facets]:
+    """The candidates begin, ..., end - 1, and what of their facets `placed` asks for: the entries of `averaging` stay in their order."""
+    nodes, weights, bodies, averaging = candidates
+    first, last = averaging.indptr[begin], averaging.indptr[end]
+    on = averaging.indices[first:last]
+    low, high = (int(on.min()), int(on.max()) + 1) if len(on) else (0, 0)
+    mean = csr_array((averaging.data[first:last], on - low, averaging.indptr[begin : end + 1] - first), shape=(end - begin, high - low))
+    around = slaves._replace(nodes=slaves.nodes[low:high], closed=slaves.closed[low:high])
+    return Candidates(nodes[begin:end], weights[begin:end], bodies[begin:end], mean), around

@@ -10,11 +10,12 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from fcsim.arrays import BoolArray, FloatArray, IntArray
-from fcsim.contact_detection.surfaces._facet_kernels import facets_in_space
+from fcsim.contact_detection.surfaces._facet_kernels import facets_in_space, write_facets
 from fcsim.contact_detection.surfaces.parents import Parents, of_first_order
 from fcsim.contact_detection.surfaces.parents import join as join_parents
 from fcsim.contact_detection.surfaces.surface import ContactSurface
 from fcsim.errors import InputError
+from fcsim.ranks import for_parts, in_parts
 
 
 class Facets(NamedTuple):
@@ -153,6 +154,25 @@ def geometry(facets: Facets, positions: FloatArray) -> FacetGeometry:
         area = np.stack([tangent[:, 1], -tangent[:, 0]], axis=1)
         measure = np.sqrt(np.einsum("nd,nd->n", area, area))
         normal = area / np.where(measure > 0, measure, 1.0)[:, None]
+    return _checked(facets, corners, centre, radius, normal, measure)
+
+
+def geometry_by_ranks(facets: Facets, positions: FloatArray) -> FacetGeometry:
+    """As `geometry`, in space, each rank of some facets; all ranks must ask."""
+    n, k = facets.closed.shape
+    arrays = [for_parts((n, *more), 0) for more in ((k, 3), (3,), (), (3,), ())]
+
+    def write(begin: int, end: int) -> None:
+        write_facets(facets.closed[begin:end], positions, *(array[begin:end] for array in arrays))
+
+    in_parts("facets", n, 0, write, *arrays)
+    return _checked(facets, *arrays)
+
+
+def _checked(
+    facets: Facets, corners: FloatArray, centre: FloatArray, radius: FloatArray, normal: FloatArray, measure: FloatArray
+) -> FacetGeometry:
+    """The geometry; InputError on a facet whose measure is 0."""
     if not (measure > 0).all():
         bad = int(np.argmin(measure > 0))
         raise InputError(f"contact detection: expected facets of positive area, got area 0 at nodes {facets.nodes[bad].tolist()}")

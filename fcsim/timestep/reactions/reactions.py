@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,11 +11,14 @@ from numpy.typing import NDArray
 from fcsim.arrays import FloatArray
 from fcsim.brief import brief
 from fcsim.contact_detection.contacts import Contacts
-from fcsim.ranks import for_parts, in_parts
+from fcsim.ranks import common_arrays, for_parts, in_parts, written
 from fcsim.timestep.reactions._carry_kernels import carry
 
 SHARED_FROM = 20_000
 """Contacts from which ranks share: as many take half a millisecond, an exchange a tenth."""
+
+IN_COMMON_FROM = 3000
+"""The same of several steps' reactions at once, where ranks write them to memory that they have in common."""
 
 _SAME_WAY = 0.5
 """Cosine between a contact's normals before and after some motion; where it is less the contact is another one, of the far side."""
@@ -55,6 +59,25 @@ class Reactions:
             if min(r.shape[1], self.r.shape[1]) > 5:
                 r[known, 5] = self.r[old, 5]
         return r.ravel()
+
+
+def transferred(memory: Sequence[Reactions], contacts: Contacts) -> list[FloatArray]:
+    """`transfer` of several steps' reactions; all ranks must ask."""
+    nc, d = len(contacts), contacts.dimension
+    shared = common_arrays(nc, IN_COMMON_FROM, ((len(memory), nc, d), np.float64)) if memory else None
+    if shared is None:
+        return [reactions.transfer(contacts) for reactions in memory]
+    r = shared[0]
+    r_of: list[FloatArray] = [own.ravel() for own in r]
+
+    def some(begin: int, end: int) -> None:
+        own = slice(begin, end)
+        r[:, own] = 0.0
+        for reactions, out in zip(memory, r, strict=True):
+            carry(reactions.identity, reactions.frame, reactions.r, contacts.identity[own], contacts.frame[own], out[own])
+
+    written("reactions of earlier steps", nc, some)
+    return r_of
 
 
 def carried(met: Contacts, r: FloatArray, contacts: Contacts) -> tuple[FloatArray, FloatArray]:

@@ -9,7 +9,7 @@ import numpy as np
 from fcsim.arrays import FloatArray
 from fcsim.contact_detection.contacts import Contacts
 from fcsim.problem import Reduced, natural_map_residual
-from fcsim.timestep.reactions.reactions import Reactions
+from fcsim.timestep.reactions.reactions import Reactions, transferred
 
 MEMORY = 4
 """How many past steps are remembered; `warm_start` looks at all but the oldest."""
@@ -23,7 +23,7 @@ def warm_start(problem: Reduced, contacts: Contacts, memory: Sequence[Reactions]
     but r1 where its residual is `enough` [unit of q]: among answers round-off would choose, and where reactions are not unique (barrels
     between two walls) differences of former steps would add up to forces that nothing asks for.
     """
-    return _best(problem, [reactions.transfer(contacts) for reactions in memory[: MEMORY - 1]], enough)
+    return _best(problem, transferred(memory[: MEMORY - 1], contacts), enough)
 
 
 def nearest_start(problem: Reduced, contacts: Contacts, memory: Sequence[Reactions], enough: float = 0.0) -> FloatArray:
@@ -35,7 +35,7 @@ def nearest_start(problem: Reduced, contacts: Contacts, memory: Sequence[Reactio
     """
     if len(memory) < MEMORY:
         return warm_start(problem, contacts, memory, enough)
-    r = [reactions.transfer(contacts) for reactions in memory[:MEMORY]]
+    r = transferred(memory[:MEMORY], contacts)
     missed = [float(np.linalg.norm(r[0] - candidate)) for candidate in _suggested(r[1:])]
     if _residual(problem, r[0]) <= enough:  # the first that asks for W
         return r[0]

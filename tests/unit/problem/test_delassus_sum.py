@@ -12,6 +12,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from fcsim.linear import storage
 from fcsim.linear.factors import mirror
+from fcsim.problem import delassus_sum
 from fcsim.problem._delassus_kernels import entries_by_body, union_of_neighbours
 from fcsim.problem._reduction_kernels import added_to_own_blocks, alike_in_contacts
 from fcsim.problem.delassus_sum import DelassusSum
@@ -140,3 +141,31 @@ def test_a_diagonal_is_added_to_own_blocks(d: int) -> None:
     bare = sp.bsr_array(np.kron(np.ones((7, 7)) - np.eye(7), np.ones((d, d))), blocksize=(d, d))
     assert not added_to_own_blocks(bare.indptr, bare.indices, bare.data, diagonal)
     assert np.array_equal(W.data, before) and np.all(bare.data == 1.0)
+
+
+@pytest.mark.parametrize("d", (2, 3))
+def test_h_of_other_values_in_the_same_places_follows_them(monkeypatch: pytest.MonkeyPatch, d: int) -> None:
+    """Entry by entry beside H itself, zeros' signs too where a contact's columns are alike, also after H of other places."""
+    monkeypatch.setattr(delassus_sum, "ENTRIES_FROM", 1)
+    rng, n, nc, bodies = np.random.default_rng(3), 24, 9, 4
+    body, column = np.repeat(np.arange(bodies), n // bodies), np.tile(np.arange(n // bodies), bodies)
+    body[body == 2] = -1  # without a share in W
+    for _ in range(2):
+        alike = np.repeat(rng.random((n, nc)) < 0.3, d, axis=1)
+        alike[:, : 2 * d] &= rng.random((n, 2 * d)) < 0.7  # of two contacts each column has other rows
+        for turn in range(5):
+            some = np.array([0, 2, 3, 7]) if turn == 3 else np.arange(nc)
+            dense = np.where(alike, rng.choice([-0.0, 1.5, -2.0, 3.25], (n, nc * d)), 0.0)
+            rows, columns = np.nonzero(alike)
+            H = sp.csc_array((dense[rows, columns], (rows, columns)), shape=dense.shape)
+            H.sum_duplicates()
+            first, contacts, begins, unknowns, weights = DelassusSum(H, body, column, bodies, d, some=some).bodies
+            expected = entries_by_body(H.indptr, H.indices, H.data, body, column, bodies, d, some)
+            assert weights.tobytes() == expected[4].tobytes()  # signs of zeros
+            found = np.zeros((bodies, n // bodies, len(some) * d))
+            for b in range(bodies):
+                for p in range(first[b], first[b + 1]):
+                    own = slice(begins[p], begins[p + 1])
+                    found[b, unknowns[own], d * contacts[p] : d * contacts[p] + d] = weights[own, :d]
+            wanted = dense.reshape(bodies, -1, nc, d)[:, :, some].reshape(bodies, -1, len(some) * d)
+            assert np.array_equal(found[[0, 1, 3]], wanted[[0, 1, 3]]) and not found[2].any()

@@ -4,13 +4,15 @@ import hashlib
 import json
 import os
 import sys
+from dataclasses import fields
 from pathlib import Path
+from unittest.mock import patch
 
 import numpy as np
 import scipy.sparse as sp
 
 from fcsim.assembly.model import build_model
-from fcsim.contact_detection import Contacts, contact_matrix_of_bodies
+from fcsim.contact_detection import Contacts, ContactSurface, Detector, SurfacePair, contact_matrix_of_bodies, node_to_segment
 from fcsim.contact_detection.frames import frames
 from fcsim.contact_law.one_point import at_one_point
 from fcsim.linear.sparse.by_ranks import CONTACTS_FROM, RowsKept, times_by_ranks, transposed_times_by_ranks
@@ -18,6 +20,8 @@ from fcsim.linear.sparse.columns import has_pattern
 from fcsim.mesh.part import RigidBody
 from fcsim.ranks import World, alone, for_parts, in_parts, largest, sharing
 from fcsim.ranks.mapped_memory import in_common
+from fcsim.timestep.reactions import reactions
+from fcsim.timestep.reactions.reactions import Reactions, transferred
 
 
 def digest(array: np.ndarray) -> str:
@@ -131,6 +135,49 @@ def at_one_place() -> list[str]:
     return [digest(H.data) for H in found]
 
 
+def contacts_found(world: World | None) -> list[str]:
+    """Contacts of a plate above another one, all of them, then more and more of one side of it, and all again, beside what a rank alone
+    finds: candidates are shared out anew where one rank has nearly all."""
+    x, y = np.meshgrid(np.arange(21.0), np.arange(21.0), indexing="ij")
+    corner = (21 * np.arange(20)[:, None] + np.arange(20)).ravel()
+    up = corner[:, None] + [0, 21, 22, 1]
+    below, above = ContactSurface(up, np.zeros(400, dtype=np.int64)), ContactSurface(441 + up[:, ::-1], np.ones(400, dtype=np.int64))
+    detector = Detector([SurfacePair(above, below, mu=0.5, alert=0.1)], 882)
+    found, cuts = [], []
+    with patch.object(node_to_segment, "SHARED_FROM", 100):
+        for k, far in enumerate((99.0, 99.0, 12.0, 12.0, 6.0, 6.0, 99.0, 99.0)):
+            z = np.where(x > far, 5.0, 0.01 * np.sin(x + k))
+            positions = np.concatenate([np.stack([x, y, 0 * z], axis=2), np.stack([x + 0.1, y + 0.2, z], axis=2)]).reshape(-1, 3)
+            contacts = detector(positions)
+            with alone():
+                expected = detector(positions)
+            assert len(contacts) > 20
+            assert all(np.array_equal(getattr(contacts, f.name), getattr(expected, f.name)) for f in fields(contacts) if f.name != "bulge")
+            found += [digest(contacts.gap), *carried(contacts, k)]
+            cuts.append(detector.methods[0]._cuts)  # type: ignore[union-attr]
+    if world is not None:
+        assert len(set(cuts)) > 2 and len(cuts[0]) == world.size + 1  # shared out, and once more
+    return found
+
+
+def carried(contacts: Contacts, k: int) -> list[str]:
+    """Of four steps' reactions at some of these contacts, beside the same vectors in space taken contact by contact."""
+    rng, memory = np.random.default_rng(k), []
+    for _ in range(4):
+        known = np.flatnonzero(rng.random(len(contacts)) < 0.9)
+        frame = frames(np.linalg.qr(rng.standard_normal((len(known), 3, 3)))[0][:, 0])
+        memory.append(Reactions(contacts.identity[known], frame, rng.standard_normal((len(known), 3))))
+    with patch.object(reactions, "IN_COMMON_FROM", 1):
+        found = transferred(memory, contacts)
+    for of_step, r in zip(memory, found, strict=True):
+        old, expected = {int(i): a for a, i in enumerate(of_step.identity)}, np.zeros((len(contacts), 3))
+        for a, identity in enumerate(contacts.identity.tolist()):
+            if identity in old:
+                expected[a] = contacts.frame[a] @ (of_step.frame[old[identity]].T @ of_step.r[old[identity]])
+        assert np.allclose(r.reshape(-1, 3), expected, rtol=0, atol=1e-13)
+    return [digest(r) for r in found]
+
+
 def kept_rows() -> list[str]:
     """Some rows of a matrix by columns, moved, of more and fewer columns than ranks share."""
     rng, found = np.random.default_rng(1), []
@@ -183,7 +230,7 @@ def main(folder: Path) -> None:
             "products": products(),
             "largest": looked_at(),
             "sent": sent(world),
-            "kept": [*kept_rows(), *at_one_place()],
+            "kept": [*kept_rows(), *at_one_place(), *contacts_found(world)],
             "common": common(world),
             "refused": refused(world),
         }

@@ -170,7 +170,7 @@ if __name__ == "__main__":
     # what ranks share out of large models only
     for module in (energy, node_to_segment, ranges, reactions):
         module.SHARED_FROM = 0
-    by_ranks.CONTACTS_FROM = by_ranks.NORMALS_FROM = ahead.DOFS_FROM = 0
+    by_ranks.CONTACTS_FROM = by_ranks.NORMALS_FROM = ahead.DOFS_FROM = reactions.IN_COMMON_FROM = 0
     with sharing() as ranks:
         assert ranks is not None
         found = {name: seen(SCENARIOS[name]) for name in SCENARIOS}

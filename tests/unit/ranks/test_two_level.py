@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from functools import cache
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -15,9 +16,10 @@ from fcsim.linear.joints import BlockRows
 from fcsim.solvers.newton.formulations import alart_curnier
 from fcsim.solvers.newton.systems.two_level import patches, system
 from fcsim.solvers.newton.systems.two_level.joints import Joints
+from fcsim.solvers.newton.systems.two_level.over_ranks import _patch_kernels as patch_kernels
 from fcsim.solvers.newton.systems.two_level.over_ranks._coarse_kernels import separators
-from fcsim.solvers.newton.systems.two_level.over_ranks._patch_kernels import add_lower, add_part, lower
-from fcsim.solvers.newton.systems.two_level.over_ranks.patches import JointsOfAll, chosen_for_ranks, solvers_of
+from fcsim.solvers.newton.systems.two_level.over_ranks._patch_kernels import add_lower, add_part, lower, solvers_of_patches
+from fcsim.solvers.newton.systems.two_level.over_ranks.patches import JointsOfAll, chosen_for_ranks
 from tests.unit.ranks.conftest import Program
 from tests.unit.ranks.two_level import WORST, blocks_of_all, unsolved
 from tests.unit.ranks.walls import simulation
@@ -180,12 +182,31 @@ def test_patches_are_those_of_one_process_and_solved_by_the_ranks(shared: Any, r
     assert counts[0] >= ranks and counts[1] == 1
 
 
-def test_a_patch_is_solved_by_who_has_least_to_do_and_knows_most_of_it() -> None:
-    """Equal patches of one rank go to both in turns, a second that the other knows better to the other; a small one does not make up."""
-    large, small = np.arange(100), np.arange(10)
-    assert solvers_of([large] * 4, np.array([[100, 0]] * 4)).tolist() == [0, 1, 0, 1]
-    assert solvers_of([large] * 2, np.array([[20, 100], [100, 90]])).tolist() == [1, 0]
-    assert solvers_of([small, large], np.array([[10, 0], [100, 0]])).tolist() == [0, 0]
+def solved_last(sizes: np.ndarray, known: np.ndarray, solver: tuple[int, ...]) -> float:
+    """When the last rank has solved its patches: all wait for the parts that are sent."""
+    ranks, p = range(known.shape[1]), range(len(sizes))
+    sent = [sum((patch_kernels.PART + patch_kernels.SENT) * known[k, i] ** 2 for k in p if solver[k] != i) for i in ranks]
+    own = [sum(patch_kernels.PART * known[k, i] ** 2 for k in p if solver[k] == i) for i in ranks]
+    added = [sum(patch_kernels.ADDED * known[k, j] ** 2 for k in p if solver[k] == i for j in ranks if j != i) for i in ranks]
+    solved = [sum(sizes[k] ** 3 for k in p if solver[k] == i) for i in ranks]
+    return max(max(max(sent), sent[i] + own[i]) + added[i] + solved[i] for i in ranks)
+
+
+def test_patches_go_where_the_last_rank_is_ready_first() -> None:
+    """As in every other way of giving them to ranks, but for a sixth. A patch alone and small ones stay with who knows them, of two large
+    ones one goes to the other rank."""
+    rng, sizes = np.random.default_rng(0), np.array([202, 176, 160, 202])
+    assert solvers_of_patches(sizes, sizes[:, None] * np.eye(2, dtype=np.int64)[[0, 1, 0, 1]]).tolist() == [0, 1, 0, 1]
+    assert solvers_of_patches(np.array([150]), np.array([[0, 150]])).tolist() == [1]
+    assert solvers_of_patches(np.array([10, 10]), np.array([[0, 10], [0, 10]])).tolist() == [1, 1]
+    assert sorted(solvers_of_patches(np.array([200, 200]), np.array([[0, 200], [0, 200]])).tolist()) == [0, 1]
+    for ranks in (2, 3):
+        for _ in range(10):
+            known = rng.integers(50, 200, (5, ranks)) * (rng.random((5, ranks)) < 0.5)
+            sizes = np.maximum(known.sum(axis=1), 20)
+            found = solvers_of_patches(sizes, known)
+            best = min(solved_last(sizes, known, solver) for solver in product(range(ranks), repeat=5))
+            assert solved_last(sizes, known, tuple(found.tolist())) <= 7 / 6 * best
 
 
 @pytest.mark.parametrize("ranks", (2, 3))

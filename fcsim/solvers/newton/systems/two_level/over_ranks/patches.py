@@ -17,7 +17,7 @@ import numpy as np
 from fcsim.arrays import FloatArray, IntArray
 from fcsim.problem.distributed import DistributedDelassus
 from fcsim.solvers.newton.systems.two_level.joints import numbers_of_pairs
-from fcsim.solvers.newton.systems.two_level.over_ranks._patch_kernels import add_lower, add_part, lower
+from fcsim.solvers.newton.systems.two_level.over_ranks._patch_kernels import add_lower, add_part, lower, solvers_of_patches
 from fcsim.solvers.newton.systems.two_level.patches import PATCH_UP_TO, SHARE, chosen, joints_beside, missed_by_joints, solved
 from fcsim.threads import pieces, side_by_side
 
@@ -63,7 +63,7 @@ def patched_over_ranks(
         return None
     places = [[np.flatnonzero(known) for known in layout.known[:, own]] for own in patches]
     counts = np.array([[len(at) for at in of_ranks] for of_ranks in places])
-    solver = solvers_of(patches, counts)
+    solver = solvers_of_patches(np.array([len(own) for own in patches]), counts)
     mine = np.flatnonzero(solver == world.number)
     sizes = d * counts * (d * counts + 1) // 2 * (solver[:, None] != np.arange(world.size))  # that are sent (patches, ranks): symmetric
     sent = np.flatnonzero(sizes[:, world.number])
@@ -112,17 +112,6 @@ def chosen_for_ranks(joints: JointsOfAll, missed: FloatArray, limit: float, rank
     middle = joints.joint[[own[0] for own in patches]]
     count = np.count_nonzero((before[:-1] < SHARE * nc) & (missed[middle] > limit))
     return patches[: count + -count % ranks], bool(before[-1] < most)
-
-
-def solvers_of(patches: list[IntArray], known: IntArray) -> IntArray:
-    """The rank (patches,) that solves each: the one that has least to do so far, of several the one that knows most of its contacts, of
-    which each rank knows known (patches, ranks)."""
-    work, solver = np.zeros(known.shape[1]), np.empty(len(patches), dtype=np.int64)
-    for p, own in enumerate(patches):
-        free = np.flatnonzero(work <= work.min() + 0.5 * len(own) ** 3)  # half a patch is no reason to send one
-        solver[p] = free[np.argmax(known[p, free])]
-        work[solver[p]] += len(own) ** 3
-    return solver
 
 
 def _summed(own: FloatArray, own_places: IntArray, shares: list[FloatArray], places: list[IntArray], n: int, d: int) -> FloatArray:
