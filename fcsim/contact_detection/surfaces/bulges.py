@@ -9,11 +9,12 @@ much, or not at all. With unit normals n_k of the surface at the corners x_k of 
 is the height of the surface over the facet, > 0 outwards: exact on paraboloids, and in the middle of a circle's chord. B is of the
 reference and moves with the body: a point of a body is where the surface was, displaced as the shape functions say.
 
-The normals weigh corners by sin / (|a|^2 |b|^2) of their sides (2D: 1 / length), exact on spheres and circles with facets of any lengths.
-At the rim of a smooth patch they are carried on along the facets' sides from inner corners, mirrored at the sides' middles. Of B_kl and
-B_lk the smaller counts, none where they differ in sign, and facets that are more than `LONG` times as long as one beside them are flat:
-the straight part of what ends in a curve is none. Nor is what is no curve evidently (`evident_curves`): a ramp, chamfers; `bulges` has none
-there, `bulges_of_all_edges` has them wherever three normals are.
+The normals weigh corners by sin / (|a|^2 |b|^2) of their sides (2D: 1 / length), exact on spheres and circles with facets of any lengths;
+at the rim of a smooth patch they are carried on along the facets' sides from inner corners, mirrored at the sides' middles. Of unstructured
+triangles they are those of a surface that is fitted to the vertices around (`curves.fitted_normals`), at the rim too, and sides between two
+of these belong to curves. Of B_kl and B_lk the smaller counts, none where they differ in sign, and facets more than `LONG` times as long as
+one beside them are flat: the straight part of what ends in a curve is none. Nor is what is no curve evidently (`curves.evident_curves`): a
+ramp, chamfers; `bulges` has none there, `bulges_of_all_edges` has them wherever three normals are.
 
 Sources: N. Max, Weights for computing vertex normals from facet normals, Journal of Graphics Tools 4, 1999; M. A. Puso and T. A. Laursen, A
 3D contact smoothing method using Gregory patches, IJNME 54, 2002 (what chords do to contact, and smooth surfaces in their place).
@@ -24,7 +25,8 @@ from __future__ import annotations
 import numpy as np
 
 from fcsim.arrays import BoolArray, FloatArray, IntArray
-from fcsim.contact_detection.surfaces.evident_curves import AGREE, evident_sides
+from fcsim.contact_detection.surfaces.curves.evident_curves import AGREE, evident_sides
+from fcsim.contact_detection.surfaces.curves.fitted_normals import fitted_normals
 
 LEVEL = 1e-9
 """Of a facet's size: less is round-off, and the facet is flat."""
@@ -71,8 +73,12 @@ def _both_ways(
     vertex[real] = np.unique((nodes * (1 + patch.max()) + patch[:, None])[real], return_inverse=True)[1]
     x = points[nodes]
     means, n = _normals(vertex, real, sides, x, normal)
+    fits = np.zeros(len(n), dtype=bool)
+    if x.shape[2] == 3:
+        fits, fitted = fitted_normals(vertex, real, x, normal, means)
+        means[fits] = n[fits] = fitted[fits]
     carried = (n != means).any(axis=1)
-    uneven = _uneven(vertex, real, size)
+    uneven = _uneven(vertex, real, size) & ~fits
     means[uneven] = n[uneven] = np.nan
     own = n[vertex]
     own[~real] = np.nan  # triangles among quadrilaterals
@@ -82,7 +88,8 @@ def _both_ways(
     f, at = np.nonzero(real if x.shape[2] == 3 else real[:, :1])
     to = (at + 1) % sides[f]
     first, second = vertex[f, at], vertex[f, to]
-    return B, (f, at, evident_sides(first, second, x[f, to] - x[f, at], means), carried[first] | carried[second])
+    evident = evident_sides(first, second, x[f, to] - x[f, at], means) | (fits[first] & fits[second])
+    return B, (f, at, evident, carried[first] | carried[second])
 
 
 def _smaller(B: FloatArray, sides: IntArray, size: FloatArray) -> FloatArray | None:

@@ -30,6 +30,9 @@ DEEPER = 2.0
 TURNED = 0.2
 """A turn [rad] within which what is met along a straight way is met."""
 
+SLID, BENT = 1e-2, 1e-4
+"""Of the smaller body: what slides by less in a load step has the contacts of its beginning; gaps that are off by less are as meant."""
+
 _ASKED = 32
 """Pairs of bodies whose depth on the way of a load step is looked at; of more, the others are held on the way."""
 
@@ -54,6 +57,9 @@ def came_together(model: Model, detection: Detection, scheme: Scheme, state: Sta
         released = np.concatenate([released, np.unique(np.sort(held.bodies[passed], axis=1), axis=0)])
         again = asked_again(model, scheme, state, met, held.take(~passed))
         return replace(again, ending=met.ending, released=released)
+    if isinstance(detection, ExactContacts) and len(anew := _bent(met, there, begin, end)):
+        found = brought_back(detection.rolled_back(there.take(_of_pairs(there, anew)), end, begin), begin)
+        return _with(model, scheme, state, met, held.take(~_of_pairs(held, anew)), found)
     found, ending = _closed(met, _met_far(model, met, detection, end - begin), end), met.ending
     found = found.take(~_of_pairs(found, ending))
     if len(found):
@@ -70,10 +76,15 @@ def came_together(model: Model, detection: Detection, scheme: Scheme, state: Sta
         found = brought_back(found, begin)
     if not len(found):
         return None
+    return replace(_with(model, scheme, state, met, held, found), ending=ending)
+
+
+def _with(model: Model, scheme: Scheme, state: State, met: Encounter, held: Contacts, found: Contacts) -> Encounter:
+    """The encounter `met` with the contacts `held` of it and those that were `found`."""
     every = join([held, found])
     every = every.take(np.argsort(every.identity, kind="stable"))
     again = asked_again(model, scheme, state, met, every)
-    return replace(again, ending=ending, released=released)
+    return replace(again, ending=met.ending, released=met.released)
 
 
 def _passed(met: Encounter, there: Contacts, end: FloatArray) -> BoolArray:
@@ -94,6 +105,29 @@ def _passed(met: Encounter, there: Contacts, end: FloatArray) -> BoolArray:
     along = np.einsum("nd,nd->n", pushed[own], _from_the_first(held)) > np.cos(TURNED) * np.linalg.norm(pushed[own], axis=1)
     ahead = held.gap > BORNE * size
     return np.asarray(passed & np.where(known, np.append(there.gap, 0.0)[place] > THROWN * size, ahead | ~along))
+
+
+def _bent(met: Encounter, there: Contacts, begin: FloatArray, end: FloatArray) -> IntArray:
+    """The pairs of bodies (n, 2) of exact shapes whose gaps bend on the way from positions `begin` to `end` (n_nodes, d) [m], where
+    contacts `there` are: a ball that slides by s along a face keeps its depth, where the law of a place beside its foot has it s^2 / 2R
+    deeper or less deep.
+
+    Pairs that bear have their contacts where the step ends then, by their weights and normals there. What goes twice `FAR` has them by what
+    it meets on its way; joints with stiffness remember where they began, and keep that.
+    """
+    held = met.meeting.contacts
+    far = float(np.linalg.norm(np.ptp(end - begin, axis=0))) > 2.0 * FAR * float(met.meeting.proportions.size.min(initial=np.inf))
+    if met.compliance is not None or far or not len(held):
+        return np.empty((0, 2), dtype=np.int64)
+    size = met.meeting.proportions.size_at(held)
+    meant = brought_back(held, end).gap
+    place, known = places(there.identity, held.identity)
+    off = np.where(known, np.abs(np.append(there.gap, 0.0)[place] - meant), np.inf)
+    moved = np.einsum("ak,akd->ad", np.where(held.nodes < 0, 0.0, held.weights), (end - begin)[held.nodes])
+    along, *beside = np.einsum("aid,ad->ia", held.frame, moved)
+    slid = np.linalg.norm(beside, axis=0)
+    wrong = (meant < BORNE * size) & (slid > np.maximum(SLID * size, np.abs(along))) & (off > BENT * size)
+    return np.unique(np.sort(held.bodies[wrong], axis=1), axis=0)
 
 
 def _slid_over(met: Encounter, way: Contacts, there: Contacts, detection: Detection, begin: FloatArray, end: FloatArray) -> IntArray:

@@ -113,8 +113,7 @@ def test_facets_in_space_have_the_heights_of_their_surface(shape: str, corners: 
 
 def test_triangles_beside_a_block_have_the_heights_that_they_have_alone() -> None:
     """The side of a cylinder in triangles of uneven shapes, whose nodes stand in rows of four as those of a model with quadrilaterals do:
-    the same heights whatever is number 0, a corner of the block or one of its own, and away from the rims nine tenths and more of what it
-    is over its chords."""
+    the same heights whatever is number 0, a corner of the block or one of its own, and those of what it is over its chords."""
     random = np.random.default_rng(3)
     around, high = 24, 8
     a, z = np.meshgrid(np.arange(around) + 0.0, np.arange(high + 1) + 0.0, indexing="ij")
@@ -144,12 +143,10 @@ def test_triangles_beside_a_block_have_the_heights_that_they_have_alone() -> Non
 
     as_made, backwards = np.arange(len(triangles)), np.arange(len(triangles))[::-1]
     alone = middles(as_made, False)
-    assert middles(as_made, True) == pytest.approx(alone, abs=1e-15)
-    assert middles(backwards, False)[::-1] == pytest.approx(alone, abs=1e-15)
+    assert middles(as_made, True) == pytest.approx(alone, abs=1e-12)
+    assert middles(backwards, False)[::-1] == pytest.approx(alone, abs=1e-12)
     depth = 1.0 - np.linalg.norm(points[triangles].mean(axis=1)[:, :2], axis=1)
-    inner = ((triangles % (high + 1) > 0) & (triangles % (high + 1) < high)).all(axis=1)
-    assert (alone >= 0.0).all()
-    assert alone[inner].sum() == pytest.approx(depth[inner].sum(), rel=0.1)
+    assert alone == pytest.approx(depth, abs=0.02 * depth.max())
 
 
 def test_flat_faces_and_corners_of_a_block_have_none() -> None:

@@ -1,0 +1,1 @@
+"""Surfaces that facets stand for: which facets are chords of a curve, and its normals at their vertices."""
