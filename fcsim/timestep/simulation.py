@@ -327,7 +327,7 @@ class Simulation:
             previous=state,
             state=after,
             contacts=met.contacts,
-            H=met.H,
+            H=met.handed_out,
             problem=answer.problem,
             result=result,
             reduction=answer.reduction,

@@ -88,7 +88,8 @@ class Step:
 
     scheme            the scheme whose step it is, of the sub-step's length where the step was cut
     previous, state   the states at its beginning and end
-    H                 contact matrix (n_dofs, d nc) of the forces over all dofs, driven ones included; of rolling moments see `Encounter`
+    H                 contact matrix (n_dofs, d nc) of the forces over all dofs, driven ones included, read-only; of rolling moments see
+                      `Encounter`
     problem, result   the global problem and its answer; the result's r acts as `reaction`
     reduction         its local form, and v from r
     start, earlier    (m,) where the solver began, and the reactions of earlier steps, newest first, see `warm_start`
