@@ -11,7 +11,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from fcsim.arrays import BoolArray, FloatArray
+from fcsim.arrays import BoolArray, FloatArray, is_whole
 from fcsim.assembly.functions.of_bodies import Field, body_function
 from fcsim.assembly.model import Model
 from fcsim.assembly.supports import Support
@@ -291,8 +291,10 @@ class Step:
         """Forces (nc, d) [N] on the slave bodies in the world axes."""
         return np.einsum("aij,ai->aj", self.contacts.frame, self.contact_force)
 
-    def contact_force_on(self, body: int) -> FloatArray:
-        """Resultant (d,) [N] of the contact forces on a body."""
+    def contact_force_on(self, body: int | str) -> FloatArray:
+        """Resultant (d,) [N] of the contact forces on a body, by its name or its number; InputError where there is none such."""
+        if isinstance(body, str) or not (is_whole(body, 0) and body < len(self.model.bodies)):
+            body = self.model.body_number(body)  # type: ignore[arg-type] # which refuses what is no name
         slave, master = self.contacts.bodies.T
         return self.force_in_space[slave == body].sum(axis=0) - self.force_in_space[master == body].sum(axis=0)
 
