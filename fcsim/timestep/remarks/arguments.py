@@ -31,10 +31,10 @@ def refuse_arguments(simulation: object, model: object, detector: object, scheme
     """InputError where a model, detector or scheme of a simulation is none, or another field none of its kind."""
     if not isinstance(model, Model):
         raise InputError(f"Simulation, model: expected what build_model(...) returns, got {type(model).__name__}")
-    if not (callable(detector) and hasattr(detector, "nodes")):
+    if isinstance(detector, type) or not (callable(detector) and hasattr(detector, "nodes")):
         raise InputError(
             "Simulation, detector: expected where bodies may touch, Everything(model, mu=0.5) or Detector([SurfacePair(...)], "
-            f"model.n_nodes), got {type(detector).__name__}"
+            f"model.n_nodes), got {f'the class {detector.__name__}' if isinstance(detector, type) else type(detector).__name__}"
         )
     refuse_endless(np.array(coefficients(detector)))
     if not hasattr(scheme, "timing"):
