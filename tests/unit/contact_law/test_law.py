@@ -100,6 +100,27 @@ def test_areas_add_up_to_the_joint(candidates: Any, twice: bool) -> None:
     assert proportions(model).area_at(contacts, positions).sum() == pytest.approx(0.6 * 0.4, rel=1e-9)
 
 
+@pytest.mark.parametrize(
+    ("upper", "lower", "size", "shift"),
+    [(2, 2, 0.4, 0.0), (2, 5, 0.4, 0.0), (8, 3, 0.4, 0.0), (8, 3, 0.4, 0.013), (2, 2, 0.2, 0.0), (2, 2, 0.2, 1e-6), (4, 4, 0.4, 0.0)],
+)
+@pytest.mark.parametrize("d", [2, 3])
+def test_areas_of_everything_add_up_to_the_joint(d: int, upper: int, lower: int, size: float, shift: float) -> None:
+    """A block of 0.2 m with its whole face on one as wide or wider, of other facets: nodes of both bodies, some of them where two meet."""
+    blocks, columns, side = [], {"l": lower, "u": upper}, {"l": size, "u": 0.2}
+    for name, low, left in (("l", -0.1, (0.2 - size) / 2), ("u", 0.0, shift if size > 0.2 else 0.0)):
+        edges, n = (side[name],) * (d - 1), (columns[name],) * (d - 1)
+        part = rectangle(name, (*edges, 0.1), (*n, 1), SOFT) if d == 2 else brick(name, (*edges, 0.1), (*n, 1), SOFT)
+        blocks.append(Body(name, part, translation=np.array([left] * (d - 1) + [low])))
+    model = build_model(blocks)
+    positions = model.positions(np.zeros(model.n_dofs))
+    if size == 0.2:  # the upper one a hair narrower: its rim meets the lower one's facets, and what is within them its nodes
+        own = slice(model.node_offset[model.number["u"]], None)
+        positions[own, :-1] -= 2 * shift * (positions[own, :-1] - 0.1)
+    contacts = Everything(model, 0.5)(positions)
+    assert proportions(model).area_at(contacts, positions).sum() == pytest.approx(0.2 ** (d - 1), rel=1e-5)
+
+
 def test_areas_in_two_dimensions_have_the_thickness() -> None:
     upper = rectangle("u", (0.6, 0.2), (3, 1), SOFT, thickness=0.25)
     model = build_model([Body("upper", upper, translation=np.array([0, 0.0])), rigid_rectangle("floor", (3, 1), (0, -0.5), 1.0)])
