@@ -45,6 +45,7 @@ from fcsim.solvers.automatic.over_ranks import automatic_over_ranks
 from fcsim.solvers.automatic.pause import run_with_pauses
 from fcsim.solvers.automatic.race import LITTLE, SLOWING, Race, RaceOptions, Runner, ShareOfMonitor, Stage
 from fcsim.solvers.base import Iterate, Monitor, Status
+from fcsim.solvers.newton.systems.condensed import last_pattern
 from fcsim.solvers.turns import Turns
 
 SWEEPS_BESIDE = 0.1
@@ -337,11 +338,10 @@ def automatic(problem: LocalProblem, r: FloatArray, monitor: Monitor, options: A
         if iterate.status in (Status.SOLVED, Status.TIME_LIMIT):
             return iterate
         problem, r = problem.whole, iterate.r
-    operator = problem.delassus
+    joints = problem.delassus.joints_like(last_pattern(monitor.memory))
     fitting = problem.stored()
     swept = problem if isinstance(fitting.W, np.ndarray) else fitting  # block rows are made of sparse storage if there is any
-    prices = Prices(fitting, operator.entries, operator.joints)
-    race = Race(fitting, swept, monitor, options, prices, bool(np.any(r)), operator.joints, r)
+    race = Race(fitting, swept, monitor, options, Prices.of(fitting, problem.delassus, joints), bool(np.any(r)), joints, r)
     if monitor.record(r, fitting.W @ r + fitting.q) <= monitor.tol:
         return Iterate(r, Status.SOLVED)
     try:
