@@ -158,6 +158,9 @@ class Prices:
             motion = self.problem.delassus.motion
             own = OWN_COMPILED if motion is not None and motion.M.shape[0] <= UP_TO else OWN
             return self.proximal(closed) + self.machine.seconds(Work(own * self.problem.nc))
+        if self.joints is not None and closed:  # open contacts leave the fronts
+            share = closed / self.problem.m
+            return self.machine.seconds(Work(share**3 * self.flops, steps=SPARSE_STEPS) + share * self._gather)
         loaded = SPARSE_STEPS - RUNNING_STEPS if sp.issparse(self.problem.W) else 0
         return self.proximal(closed) - self.machine.seconds(Work(steps=loaded))
 

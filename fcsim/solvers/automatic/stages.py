@@ -22,7 +22,7 @@ from fcsim.errors import InputError
 from fcsim.problem import LocalProblem
 from fcsim.problem.distributed import DistributedDelassus
 from fcsim.solvers.automatic import methods
-from fcsim.solvers.automatic.closed import closed, faces, held_as_blocks, on_springs, singular_here
+from fcsim.solvers.automatic.closed import closed, elastic_joints, faces, held_as_blocks, on_springs, singular_here
 from fcsim.solvers.automatic.costs import Prices
 from fcsim.solvers.automatic.expected import FAR, at_first, dearer_than_newton, dearer_than_proximal, opening, sweeps_lead_on, swept
 from fcsim.solvers.automatic.first import JOINTS_SHARE, newton_first, proximal_first, splitting_first
@@ -141,7 +141,7 @@ def _on_track(race: Race, runner: Runner) -> bool:
 
 
 def _enter_sweeps(race: Race) -> bool:
-    if on_springs(race) and newton_first(race):  # sweeps have not solved one of 300 such problems
+    if newton_first(race) and (on_springs(race) or (race.warm and elastic_joints(race))):  # of 300, of 10 such sweeps solved none
         return race.over("Newton") and race.over("proximal Newton")
     if proximal_first(race):
         return race.over("proximal Newton") or ("proximal Newton" in race.runners and not at_first(race.runners["proximal Newton"]))
