@@ -38,7 +38,8 @@ class ExactContacts:
     """Contact between all bodies of a model with bodies of exact shape (`fcsim.mesh.rigid_sphere` and its like), without listing pairs.
 
     mu, exclude: as for `Everything`; alert [m]: contacts are kept while their gap is not larger, by default 5 % of the smallest radius;
-    where planes are the only exact shapes, 2.5 % of the smallest meshed body's extent, its diagonal / sqrt(d).
+    where planes are the only exact shapes, 2.5 % of the smallest meshed body's extent, its diagonal / sqrt(d); curved, smooth: of meshed
+    bodies among themselves, as for `Everything`.
 
     Gaps, points and normals between exact shapes have no error of facets. Spheres, capsules, cylinders and planes are found with each other
     and with meshed bodies (of cylinders' rims see `cylinders`), these with each other by `Everything`. InputError where the model has no
@@ -49,6 +50,8 @@ class ExactContacts:
     mu: Friction
     alert: float | None = None
     exclude: Iterable[tuple[str, str]] = ()
+    curved: Iterable[str] = ()
+    smooth: bool = True
     solids: Solids = field(init=False, repr=False)
     skin: MeshSkin | None = field(init=False, repr=False)
     meshed: Everything | None = field(init=False, repr=False)
@@ -92,7 +95,8 @@ class ExactContacts:
         """The detection among the meshed bodies alone."""
         known = set(rest.number)
         mu = {key: m for key, m in self.mu.items() if set(key) <= known | {"*"}} if isinstance(self.mu, dict) else self.mu
-        return Everything(rest, mu, None, [pair for pair in self.exclude if set(pair) <= known])
+        exclude = [pair for pair in self.exclude if set(pair) <= known]
+        return Everything(rest, mu, None, exclude, self.curved, self.smooth)
 
     def _may_touch(self, bodies: IntArray) -> BoolArray:
         """Which pairs of bodies (n, 2) may move to each other and are not excluded."""

@@ -35,8 +35,8 @@ _REACH = 2.0
 """Facets overlap whose distance is not larger than so many times the largest gap of the two bodies' contacts,"""
 _FLAT = 1e-3
 """or this part of the smaller facet's size."""
-_INSIDE = 0.02
-"""A node is over a facet where it is by this part of the facet's size inside its edges."""
+_BESIDE = 1e-6
+"""A node is over a facet also where it is outside its edges by no more than this part of the facet's size."""
 _LEAST_TILT = 0.1
 """Of an area that is left where areas are tilted."""
 _LEAST = 1e-6
@@ -202,19 +202,19 @@ def _shares(found: Segments, facets: Facets, patch: IntArray, parts: FloatArray,
 
 
 def _over(points: FloatArray, geometry: FacetGeometry, facet: IntArray) -> BoolArray:
-    """Whether points (np, d) are over the insides of facets (np,), along their normals."""
+    """Whether points (np, d) are over facets (np,), along their normals."""
     if not len(points):
         return np.zeros(0, dtype=bool)
     corners, normal, size = geometry.corners[facet], geometry.normal[facet], geometry.size[facet]
     if points.shape[1] == 2:
         place = np.einsum("pi,pi->p", points - corners[:, 0], (corners[:, 1] - corners[:, 0]) / size[:, None])
-        return (place > _INSIDE * size) & (place < (1 - _INSIDE) * size)
+        return (place > -_BESIDE * size) & (place < (1 + _BESIDE) * size)
     over = np.ones(len(points), dtype=bool)
     for k in range(corners.shape[1]):
         edge = corners[:, (k + 1) % corners.shape[1]] - corners[:, k]
         length = np.sqrt(np.einsum("pi,pi->p", edge, edge))
         inwards = np.einsum("pi,pi->p", np.cross(normal, edge), points - corners[:, k])
-        over &= (length == 0) | (inwards > _INSIDE * size * length)
+        over &= (length == 0) | (inwards > -_BESIDE * size * length)
     return over
 
 

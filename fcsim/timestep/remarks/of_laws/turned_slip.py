@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from fcsim.contact_law import Velocity
+from fcsim.timestep.creation import REST, energy_at_rest
 from fcsim.timestep.remarks.of_laws.known_laws import single_laws
 from fcsim.timestep.step import Step
 
@@ -35,6 +36,8 @@ def turned_slip(step: Step, when: str, said: frozenset[str]) -> dict[str, str]:
     most = int(np.argmax(given))
     if given[most] <= GIVEN * step.ledger.supplied:
         return {}
+    if given[most] <= energy_at_rest(step.model, REST * float(np.ptp(step.model.reference, axis=0).max()) / step.scheme.h):
+        return {}  # round-off of bodies at rest
     one, other = (step.model.bodies[int(k)].name for k in pairs[most])
     gift = f"{given[most]:.3g} J, {100 * given[most] / step.ledger.supplied:.2g} % of the energy there"
     e = max(law.restitution for law in laws)
