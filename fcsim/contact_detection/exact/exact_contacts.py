@@ -10,7 +10,7 @@ import numpy as np
 from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.assembly.model import Model
 from fcsim.assembly.supports import moved_together
-from fcsim.brief import brief
+from fcsim.brief import brief, shown
 from fcsim.contact_detection.arguments import excluded_pairs, refuse_alert
 from fcsim.contact_detection.contacts import EXACT, KIND, Contacts, join
 from fcsim.contact_detection.exact.cylinders import cylinders_with_cylinders
@@ -74,6 +74,7 @@ class ExactContacts:
         names = [body.name for body in model.bodies]
         exclude = excluded_pairs("ExactContacts", model, self.exclude)
         others = np.setdiff1d(np.arange(len(names)), solids.body)
+        self._refuse_curved([names[k] for k in others])
         offset = model.node_offset
         nodes = np.concatenate([np.empty(0, dtype=np.int64), *(np.arange(offset[k], offset[k + 1]) for k in others)])
         rest = _without_exact(model, others) if len(others) else None
@@ -90,6 +91,14 @@ class ExactContacts:
         }
         for name, value in values.items():
             object.__setattr__(self, name, value)
+
+    def _refuse_curved(self, meshed: list[str]) -> None:
+        """InputError where `curved` names bodies that have no facets; `Everything` has the others."""
+        object.__setattr__(self, "curved", self.curved if isinstance(self.curved, str) else tuple(self.curved))
+        if isinstance(self.curved, str) or not set(self.curved) <= set(meshed):
+            raise InputError(f"ExactContacts, curved: expected names of meshed bodies, some of {shown(meshed)}, got {shown(self.curved)}")
+        if not isinstance(self.smooth, bool):
+            raise InputError(f"ExactContacts, smooth: expected True or False, got {shown(self.smooth)}")
 
     def _everything(self, rest: Model) -> Everything:
         """The detection among the meshed bodies alone."""
