@@ -186,7 +186,7 @@ def _refuse_twice(pairs: Sequence[SurfacePair]) -> None:
         if (first := seen.setdefault(key, k)) != k:
             raise InputError(
                 f"Detector: expected each pair of surfaces once, got {pairs[first].name!r} (pair {first}) again as pair {k}: every "
-                " contact would be there twice"
+                "contact would be there twice"
             )
 
 
