@@ -55,7 +55,8 @@ class Detector:
     `smoothed_normals`). Pairs with candidates "mortar", "mortar-faces" or "segments" are integrated over the overlaps of the two
     surfaces: see `mortar` and `segment_points`.
 
-    InputError: no pairs, 2D with 3D, node numbers not below n_nodes, positions of wrong shape or not finite, facets without area.
+    InputError: no pairs, 2D with 3D, the same pair twice, node numbers not below n_nodes, positions of wrong shape or not finite,
+    facets without area.
     """
 
     pairs: Sequence[SurfacePair]
@@ -81,6 +82,7 @@ class Detector:
                         f"Detector, pair {pair.name!r}, {role}: expected node numbers below n_nodes = {self.n_nodes}, "
                         f"got {surface.facets.max()}"
                     )
+        _refuse_twice(pairs)
         for name in ("edge_tolerance", "penetration"):
             if not (is_number(getattr(self, name)) and getattr(self, name) >= 0):
                 raise InputError(f"Detector, {name}: expected a number >= 0, relative to the facet size, got {shown(getattr(self, name))}")
@@ -173,6 +175,19 @@ class Detector:
         if not np.isfinite(x).all():
             raise InputError("Detector, positions: expected finite numbers, got NaN or infinity")
         return x
+
+
+def _refuse_twice(pairs: Sequence[SurfacePair]) -> None:
+    """InputError where two pairs have the same surfaces and candidates: each contact would be there twice, its springs too."""
+    seen: dict[tuple[object, ...], int] = {}
+    for k, pair in enumerate(pairs):
+        facets = (np.sort(surface.facets, axis=1) for surface in (pair.slave, pair.master))
+        key = (*(array[np.lexsort(array.T)].tobytes() for array in facets), pair.candidates)
+        if (first := seen.setdefault(key, k)) != k:
+            raise InputError(
+                f"Detector: expected each pair of surfaces once, got {pairs[first].name!r} (pair {first}) again as pair {k}: every "
+                "contact would be there twice"
+            )
 
 
 def _bounds(points: FloatArray) -> FloatArray:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -11,6 +11,7 @@ from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.assembly.model import Model
 from fcsim.brief import brief
 from fcsim.contact_detection.contacts import Contacts
+from fcsim.contact_law.areas.overlaps import areas_of_overlaps
 from fcsim.errors import InputError
 from fcsim.mesh.part import Body, RigidBody
 
@@ -41,6 +42,7 @@ class Proportions:
     rigid: BoolArray
     reference: FloatArray
     first: IntArray
+    _latest: list[tuple[Contacts, FloatArray, FloatArray]] = field(init=False, repr=False, default_factory=list)
 
     __repr__ = brief
 
@@ -70,13 +72,27 @@ class Proportions:
         return np.where(on_a_line[:, None, None], np.eye(positions.shape[1]), left @ right)
 
     def area_at(self, contacts: Contacts, positions: FloatArray) -> FloatArray:
-        """Area (nc,) [m^2] that each contact stands for, at positions (n_nodes, d) [m]; its sum over a joint is the joint's area.
+        """Area (nc,) [m^2] that each contact stands for, at positions (n_nodes, d) [m]; its sum over a joint is the joint's area, that of
+        the overlap of both bodies' facets, see `fcsim.contact_law.areas.overlaps`. In 2D areas are lengths times the thickness that both
+        bodies share: the smaller of two, the deformable one's beside a rigid body, 1 between rigid ones.
 
-        A_k = sum over the facets at node k of n area / (nodes of the facet), S_k = sum_b w_bk N_b over the contacts b with the weight
-        w_bk > 0 on k; area_a = sum_k w_ak (-A_k . N_a) / (S_k . N_a): a node's area towards N_a, shared by its contacts of that side.
-        Where two bodies are slaves of each other (two passes), both stand for it together, see `_of_two_passes`. In 2D areas are lengths
-        times the thickness that both bodies share: the smaller of two, the deformable one's beside a rigid body, 1 between rigid ones.
+        Where no facets overlap (a body on its edge), and where a body folds on itself: A_k = sum over the facets at node k of n area /
+        (nodes of the facet), S_k = sum_b w_bk N_b over the contacts b with the weight w_bk > 0 on k; area_a = sum_k w_ak (-A_k . N_a) /
+        (S_k . N_a): a node's area towards N_a, shared by its contacts of that side.
         """
+        for known, place, area in self._latest:  # loops within a step ask again for the same contacts
+            if np.array_equal(place, positions) and all(
+                np.array_equal(getattr(known, name), getattr(contacts, name))
+                for name in ("identity", "nodes", "weights", "frame", "bodies")
+            ):
+                return area
+        area = self._area_at(contacts, positions)
+        area.setflags(write=False)
+        self._latest[:] = [(contacts, positions.copy(), area)]
+        return area
+
+    def _area_at(self, contacts: Contacts, positions: FloatArray) -> FloatArray:
+        """The areas, worked out."""
         nc, d = len(contacts), contacts.dimension
         if not nc:
             return np.zeros(0)
@@ -96,7 +112,25 @@ class Proportions:
                 f"contact law: expected a slave surface of named facets at every contact, to know its area; contact {bad} of the bodies "
                 f"{tuple(contacts.bodies[bad].tolist())} at {contacts.point[bad].tolist()} m has none"
             )
-        return _of_two_passes(contacts, area, np.einsum("ai,ai->a", outward[(k := _met_node(contacts))], normal) * thickness, k)
+        met = np.einsum("ai,ai->a", outward[(k := _met_node(contacts))], normal) * thickness
+        return self._of_two_bodies(contacts, _of_two_passes(contacts, area, met, k) / thickness, positions) * thickness
+
+    def _of_two_bodies(self, contacts: Contacts, area: FloatArray, positions: FloatArray) -> FloatArray:
+        """Areas (nc,) [m^2; 2D: m] by the overlaps of the two bodies' facets; `area` where there are none, and of bodies that fold."""
+        one_way, back = _codes(contacts)
+        chosen = one_way != back
+        if not chosen.any() or not len(self.facets):
+            return area
+        weights = np.where(_crossing(contacts)[:, None], np.abs(contacts.weights), np.maximum(contacts.weights, 0.0))
+        node, n = _met_node(contacts), len(positions)
+        row, column = np.nonzero((contacts.nodes >= 0) & (contacts.weights > 0))
+        own = np.isin(back * n + node, one_way[row] * n + contacts.nodes[row, column])
+        met = np.flatnonzero((contacts.weights.min(axis=1) < -AT_A_NODE) & ~own)
+        weights[met, np.argmin(contacts.weights[met], axis=1)] = 1.0
+        weights[contacts.nodes < 0] = 0.0
+        slaves = np.unique(one_way[chosen & ~_crossing(contacts)])
+        bodies = np.searchsorted(self.first, self.facets[:, 0], side="right") - 1
+        return areas_of_overlaps(contacts, chosen, weights, slaves, area, positions, self.facets, bodies)
 
     def _shared_thickness(self, contacts: Contacts) -> FloatArray:
         """(nc,) [m]; 1 in 3D."""
@@ -128,6 +162,18 @@ def _met_node(contacts: Contacts) -> IntArray:
     return contacts.nodes[np.arange(len(contacts)), np.argmin(contacts.weights, axis=1)]
 
 
+def _codes(contacts: Contacts) -> tuple[IntArray, IntArray]:
+    """Numbers (nc,) of the two bodies in their order, and in the other one."""
+    count = 1 + int(contacts.bodies.max())
+    return contacts.bodies[:, 0] * count + contacts.bodies[:, 1], contacts.bodies[:, 1] * count + contacts.bodies[:, 0]
+
+
+def _crossing(contacts: Contacts) -> BoolArray:
+    """Which contacts (nc,) are of two edges: they are of either body alike."""
+    crossing: BoolArray = (contacts.dimension == 3) & (np.count_nonzero(contacts.weights > 0, axis=1) == 2)
+    return crossing
+
+
 def _of_two_passes(contacts: Contacts, area: FloatArray, met: FloatArray, node: IntArray) -> FloatArray:
     """Areas (nc,) where two bodies are slaves of each other: half of `area`, that of either's nodes, so that all are the joint's together.
 
@@ -135,8 +181,7 @@ def _of_two_passes(contacts: Contacts, area: FloatArray, met: FloatArray, node: 
     rim of the other body stand for what overhangs it, or are missing, by a part of a facet: the body with more of them tells the area of
     the joint, to which all its areas are scaled. Of as many it is the mean of both.
     """
-    count = 1 + int(contacts.bodies.max())
-    one_way, back = (contacts.bodies[:, i] * count + contacts.bodies[:, 1 - i] for i in (0, 1))
+    one_way, back = _codes(contacts)
     two = np.isin(back, one_way)
     if not two.any():
         return area
@@ -148,8 +193,7 @@ def _of_two_passes(contacts: Contacts, area: FloatArray, met: FloatArray, node: 
     n = len(area)
     there, here = place[n:], place[:n]
     total = np.bincount(place, np.concatenate([area, other]), len(codes))
-    crossing = (contacts.dimension == 3) & (np.count_nonzero(contacts.weights > 0, axis=1) == 2)  # of edges: they are of either body alike
-    nodes = np.bincount(place, np.concatenate([~crossing, merged]), len(codes))
+    nodes = np.bincount(place, np.concatenate([~_crossing(contacts), merged]), len(codes))
     mean = 0.5 * (total[here] + total[there])
     joint = np.where(nodes[here] > nodes[there], total[here], np.where(nodes[here] < nodes[there], total[there], mean))
     scale = np.where(np.abs(joint - mean) > 1e-9 * mean, joint / mean, 1.0)

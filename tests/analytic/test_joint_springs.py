@@ -8,11 +8,14 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from fcsim import (
+    Cohesive,
     Compliant,
     DrivenRotation,
     Everything,
     ExactContacts,
+    Force,
     GeneralisedAlpha,
+    QuasiStatic,
     Simulation,
     SolverSettings,
     Springs,
@@ -122,3 +125,36 @@ def test_a_block_on_springs_swings_in_one_plane_on_a_turntable(rate: float) -> N
     x, speed = (of_body(step, "block", values)[:2] for values in (step.state.x, step.state.v))
     assert speed == pytest.approx([v * np.cos(swing * step.state.t), 0.0], abs=2e-3 * v)
     assert x == pytest.approx([v / swing * np.sin(swing * step.state.t), 0.0], abs=2e-3 * v / swing)
+
+
+@pytest.mark.parametrize(("degrees", "facets"), [(0.0, (2, 2)), (0.0, (6, 3)), (45.0, (3, 6))])
+def test_a_joint_that_overhangs_has_the_stiffness_of_its_overlap(degrees: float, facets: tuple[int, int]) -> None:
+    """A square pressed on another through the middle of their overlap sinks by F / (k A), and does not turn: shifted by half of it, A is
+    half of the square, turned by a, 2 / (1 + sin a + cos a). Along the joint it yields by F / (k_T A)."""
+    k, force, a = 1e8, 100.0, np.radians(degrees)
+    shift, area = (0.5, 0.5) if degrees == 0 else (0.0, 2 / (1 + np.sin(a) + np.cos(a)))
+    low, up = (rigid_box(n, (1, 1, 0.1), (0, 0, z), 1.0, (m, m, 1)) for n, z, m in zip(("low", "up"), (-0.05, 0.05), facets, strict=True))
+    turn = np.array([[np.cos(a), np.sin(a), 0.0], [-np.sin(a), np.cos(a), 0.0], [0.0, 0.0, 1.0]])
+    up = replace(up, points=up.points @ turn + np.array([shift, 0, 0]), centre=up.centre + np.array([shift, 0, 0]))
+    push = Force("up", (0.0, 0.1 * force, -force), (0.05 * 0.1 * force, -force * shift / 2, -0.1 * force * shift / 2))
+    model = build_model([low, up], supports=[Support("low", HELD)], loads=[push])
+    law = Compliant(Springs(normal=k, tangential=0.5 * k))
+    (step,) = Simulation(model, Everything(model, 0.5), QuasiStatic(1.0, 1.0, law), 1, SolverSettings(tol=1e-10), witness=None)
+    moved = of_body(step, "up", step.state.x)
+    assert moved[2] == pytest.approx(-force / (k * area), rel=1e-5)
+    assert moved[1] == pytest.approx(0.1 * force / (0.5 * k * area), rel=1e-4)
+    assert np.abs(moved[3:]).max() < 1e-4 * abs(moved[2])
+
+
+@pytest.mark.parametrize("facets", [(2, 2), (3, 6)])
+def test_a_bond_that_overhangs_has_the_strength_of_its_overlap(facets: tuple[int, int]) -> None:
+    """Pulled open by d at once, what is left of f_t A is 1 - f_t d / (2 G): squares turned on each other by 20 degrees."""
+    tension, energy, d, a = 2e5, 20.0, 1e-6, np.radians(20.0)
+    low, up = (rigid_box(n, (1, 1, 0.1), (0, 0, z), 1.0, (m, m, 1)) for n, z, m in zip(("low", "up"), (-0.05, 0.05), facets, strict=True))
+    up = replace(up, points=up.points @ np.array([[np.cos(a), np.sin(a), 0.0], [-np.sin(a), np.cos(a), 0.0], [0.0, 0.0, 1.0]]))
+    supports = [Support("low", HELD), Support("up", ("x", "y", "rx", "ry", "rz")), Support("up", ("z",), velocity=d)]
+    model = build_model([low, up], supports=supports)
+    scheme, settings = QuasiStatic(1.0, 0.0, Cohesive(tension=tension, mode_1=energy, mode_2=energy)), SolverSettings(tol=1e-6, floor=1e-9)
+    (step,) = Simulation(model, Everything(model, 0.5), scheme, 1, settings, witness=None)
+    area = 2 / (1 + np.sin(a) + np.cos(a))
+    assert force_on(step, "up")[2] == pytest.approx(-tension * area * (1 - tension * d / (2 * energy)), rel=1e-6)

@@ -10,7 +10,7 @@ import numpy as np
 from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.assembly.model import Model
 from fcsim.assembly.supports import moved_together
-from fcsim.brief import brief
+from fcsim.brief import brief, shown
 from fcsim.contact_detection.arguments import excluded_pairs, refuse_alert
 from fcsim.contact_detection.contacts import EXACT, KIND, Contacts, join
 from fcsim.contact_detection.exact.cylinders import cylinders_with_cylinders
@@ -38,7 +38,8 @@ class ExactContacts:
     """Contact between all bodies of a model with bodies of exact shape (`fcsim.mesh.rigid_sphere` and its like), without listing pairs.
 
     mu, exclude: as for `Everything`; alert [m]: contacts are kept while their gap is not larger, by default 5 % of the smallest radius;
-    where planes are the only exact shapes, 2.5 % of the smallest meshed body's extent, its diagonal / sqrt(d).
+    where planes are the only exact shapes, 2.5 % of the smallest meshed body's extent, its diagonal / sqrt(d); curved, smooth: of meshed
+    bodies among themselves, as for `Everything`.
 
     Gaps, points and normals between exact shapes have no error of facets. Spheres, capsules, cylinders and planes are found with each other
     and with meshed bodies (of cylinders' rims see `cylinders`), these with each other by `Everything`. InputError where the model has no
@@ -49,6 +50,8 @@ class ExactContacts:
     mu: Friction
     alert: float | None = None
     exclude: Iterable[tuple[str, str]] = ()
+    curved: Iterable[str] = ()
+    smooth: bool = True
     solids: Solids = field(init=False, repr=False)
     skin: MeshSkin | None = field(init=False, repr=False)
     meshed: Everything | None = field(init=False, repr=False)
@@ -71,6 +74,7 @@ class ExactContacts:
         names = [body.name for body in model.bodies]
         exclude = excluded_pairs("ExactContacts", model, self.exclude)
         others = np.setdiff1d(np.arange(len(names)), solids.body)
+        self._refuse_curved([names[k] for k in others])
         offset = model.node_offset
         nodes = np.concatenate([np.empty(0, dtype=np.int64), *(np.arange(offset[k], offset[k + 1]) for k in others)])
         rest = _without_exact(model, others) if len(others) else None
@@ -88,11 +92,20 @@ class ExactContacts:
         for name, value in values.items():
             object.__setattr__(self, name, value)
 
+    def _refuse_curved(self, meshed: list[str]) -> None:
+        """InputError where `curved` names bodies that have no facets; `Everything` has the others."""
+        object.__setattr__(self, "curved", self.curved if isinstance(self.curved, str) else tuple(self.curved))
+        if isinstance(self.curved, str) or not set(self.curved) <= set(meshed):
+            raise InputError(f"ExactContacts, curved: expected names of meshed bodies, some of {shown(meshed)}, got {shown(self.curved)}")
+        if not isinstance(self.smooth, bool):
+            raise InputError(f"ExactContacts, smooth: expected True or False, got {shown(self.smooth)}")
+
     def _everything(self, rest: Model) -> Everything:
         """The detection among the meshed bodies alone."""
         known = set(rest.number)
         mu = {key: m for key, m in self.mu.items() if set(key) <= known | {"*"}} if isinstance(self.mu, dict) else self.mu
-        return Everything(rest, mu, None, [pair for pair in self.exclude if set(pair) <= known])
+        exclude = [pair for pair in self.exclude if set(pair) <= known]
+        return Everything(rest, mu, None, exclude, self.curved, self.smooth)
 
     def _may_touch(self, bodies: IntArray) -> BoolArray:
         """Which pairs of bodies (n, 2) may move to each other and are not excluded."""

@@ -132,7 +132,8 @@ class SegmentToSegment(ABC):
         """The overlaps among the possible pairs, with the Gauss points near enough to count."""
         size = np.minimum(now.slave.size[slave], now.master.size[master])
         reach = np.maximum(self.alert[self.pair_of_slave[slave]], self.penetration * size)
-        found = (self._intervals if self.slaves.width == 2 else self._polygons)(now, slave, master, reach)
+        sides = self.slave_sides, self.master_sides
+        found = intervals(now, slave, master) if self.slaves.width == 2 else polygons(now, slave, master, reach, sides, self.rule)
         near = np.abs(found.gap) <= reach[found.row]
         if not near.all():
             found = Segments(*found[:3], *(array[near] for array in found[3:]))
@@ -145,31 +146,40 @@ class SegmentToSegment(ABC):
         """Areas (2D: lengths) of facets of that size."""
         return size if self.slaves.width == 2 else size**2
 
-    def _polygons(self, now: Configuration, slave: IntArray, master: IntArray, reach: FloatArray) -> Segments:
-        """Overlaps in 3D."""
-        frame = frames(now.slave.normal)
-        ours = (now.slave.corners, self.slave_sides, frame, now.slave.centre)
-        theirs = (now.master.corners, self.master_sides)
-        polygon, corners, area = overlap_polygons(slave, master, *ours, now.slave.size, *theirs, now.master.normal, OPPOSING, reach)
-        count = np.maximum(corners - 2, 0) * len(self.rule[1])
-        first = np.concatenate([[0], np.cumsum(count)])
-        points = gauss_points(slave, master, polygon, corners, first, *ours, *theirs, *self.rule)
-        row = np.repeat(np.arange(len(slave)), count)
-        return Segments(slave, master, area, row, np.arange(len(row)) - first[row], *points)
 
-    def _intervals(self, now: Configuration, slave: IntArray, master: IntArray, reach: FloatArray) -> Segments:
-        """Overlaps in 2D, on the slave segments' lines."""
-        length, ours, theirs = now.slave.size[slave], now.slave.corners[slave], now.master.corners[master]
-        normal = now.slave.normal[slave]
-        tangent = (ours[:, 1] - ours[:, 0]) / length[:, None]
-        arm = theirs - ours[:, :1]
-        place, height = np.einsum("nkd,nd->nk", arm, tangent), np.einsum("nkd,nd->nk", arm, normal)
-        begin, end = np.maximum(place.min(axis=1), 0.0), np.minimum(place.max(axis=1), length)
-        facing = np.einsum("nd,nd->n", normal, now.master.normal[master]) < OPPOSING
-        row = np.flatnonzero(facing & (end - begin > _SLIVER * length))
-        s = begin[row, None] + (end - begin)[row, None] * TWO_POINTS
-        t = (s - place[row, :1]) / (place[row, 1] - place[row, 0])[:, None]
-        phi, psi = (np.stack([1 - z, z], axis=2).reshape(-1, 2) for z in (s / length[row, None], t))
-        row, number = np.repeat(row, 2), np.tile([0, 1], len(row))
-        area = np.maximum(end - begin, 0.0)
-        return Segments(slave, master, area, row, number, 0.5 * area[row], np.einsum("nk,nk->n", psi, height[row]), phi, psi)
+def polygons(
+    now: Configuration,
+    slave: IntArray,
+    master: IntArray,
+    reach: FloatArray,
+    sides: tuple[IntArray, IntArray],
+    rule: tuple[FloatArray, FloatArray],
+) -> Segments:
+    """Overlaps of pairs of facets in 3D not farther apart than reach (np,) [m]; sides: numbers of corners of all slaves, all masters."""
+    frame = frames(now.slave.normal)
+    ours = (now.slave.corners, sides[0], frame, now.slave.centre)
+    theirs = (now.master.corners, sides[1])
+    polygon, corners, area = overlap_polygons(slave, master, *ours, now.slave.size, *theirs, now.master.normal, OPPOSING, reach)
+    count = np.maximum(corners - 2, 0) * len(rule[1])
+    first = np.concatenate([[0], np.cumsum(count)])
+    points = gauss_points(slave, master, polygon, corners, first, *ours, *theirs, *rule)
+    row = np.repeat(np.arange(len(slave)), count)
+    return Segments(slave, master, area, row, np.arange(len(row)) - first[row], *points)
+
+
+def intervals(now: Configuration, slave: IntArray, master: IntArray) -> Segments:
+    """Overlaps in 2D, on the slave segments' lines, however far apart."""
+    length, ours, theirs = now.slave.size[slave], now.slave.corners[slave], now.master.corners[master]
+    normal = now.slave.normal[slave]
+    tangent = (ours[:, 1] - ours[:, 0]) / length[:, None]
+    arm = theirs - ours[:, :1]
+    place, height = np.einsum("nkd,nd->nk", arm, tangent), np.einsum("nkd,nd->nk", arm, normal)
+    begin, end = np.maximum(place.min(axis=1), 0.0), np.minimum(place.max(axis=1), length)
+    facing = np.einsum("nd,nd->n", normal, now.master.normal[master]) < OPPOSING
+    row = np.flatnonzero(facing & (end - begin > _SLIVER * length))
+    s = begin[row, None] + (end - begin)[row, None] * TWO_POINTS
+    t = (s - place[row, :1]) / (place[row, 1] - place[row, 0])[:, None]
+    phi, psi = (np.stack([1 - z, z], axis=2).reshape(-1, 2) for z in (s / length[row, None], t))
+    row, number = np.repeat(row, 2), np.tile([0, 1], len(row))
+    area = np.maximum(end - begin, 0.0)
+    return Segments(slave, master, area, row, number, 0.5 * area[row], np.einsum("nk,nk->n", psi, height[row]), phi, psi)

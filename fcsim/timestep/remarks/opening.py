@@ -28,6 +28,7 @@ from fcsim.timestep.remarks.unlikely import (
     restitution_of_points,
     soft_or_stiff,
     steep_friction,
+    unused_velocities,
 )
 from fcsim.timestep.scheme import Scheme
 from fcsim.timestep.state import State
@@ -67,6 +68,7 @@ def opening_remarks(
     found += [restitution_of_points(model, scheme), growing(model, scheme, linked)]
     found.append(soft_or_stiff(model, gravity, EARTH[0] <= float(np.linalg.norm(gravity)) <= EARTH[1]))
     found += [torn_meshes(model), hanging_nodes(model), inertia_of_no_body(model), long_arms(model, scheme)]
+    found.append(unused_velocities(model, scheme, state))
     if linkage is not None:
         found.append(locked_joints(model, linkage, detector, positions))
     if not linked and not upwards:

@@ -15,6 +15,7 @@ from fcsim.contact_law import Rolling, Spinning, Velocity
 from fcsim.mesh.part import Body, RigidBody
 from fcsim.timestep.remarks.of_laws.known_laws import single_laws
 from fcsim.timestep.scheme import Scheme
+from fcsim.timestep.state import State
 
 STEEP = 3.0
 """No two solids have more friction than rubber on rough ground, about 1.5."""
@@ -198,3 +199,19 @@ def diagonal_pull(model: Model, scheme: Scheme, begin: float, steps: int) -> Ite
                 "velocity=...) and a second Support with the others"
             )
             return
+
+
+def unused_velocities(model: Model, scheme: Scheme, state: State) -> Iterator[str]:
+    """Where statics begin with velocities in the reference configuration: no equation has them. States that an earlier run of statics ended
+    with have moved, and have its increments over h as velocities."""
+    if scheme.timing.moving or state.x.any():
+        return
+    free = np.abs(state.v - model.driven_share(state.v))
+    fastest = int(np.argmax(free)) if len(free) else 0
+    if not len(free) or free[fastest] <= 1e-9 * np.abs(state.v).max():
+        return
+    body = model.bodies[int(np.searchsorted(model.dof_offset, fastest, side="right")) - 1].name
+    yield (
+        f"the initial velocities, of {body!r} up to {free[fastest]:.3g} m/s or rad/s, are not used: statics have none. What helps: a "
+        "scheme of motion, as Theta(h=...), or a load or a driven support that moves the body"
+    )

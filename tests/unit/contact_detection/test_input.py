@@ -55,6 +55,16 @@ def test_pair(changes: dict[str, Any], message: str) -> None:
         SurfacePair(**(good | changes))
 
 
+def test_a_pair_of_surfaces_is_taken_once() -> None:
+    """In whatever order its facets are named; two passes, and other candidates, are pairs of their own."""
+    twice = ContactSurface(np.array([[0, 1, 2, 3], [2, 1, 8, 9]]), np.array([0, 0]))
+    pair = SurfacePair(OTHER, twice, 0.5, 0.2, name="joint")
+    again = SurfacePair(OTHER, ContactSurface(twice.facets[::-1], twice.bodies), 0.7, 0.1, name="same joint")
+    with pytest.raises(InputError, match=r"'joint' \(pair 0\) again as pair 2"):
+        Detector([pair, SurfacePair(twice, OTHER, 0.5, 0.2), again], 10)
+    Detector([pair, SurfacePair(twice, OTHER, 0.5, 0.2), SurfacePair(OTHER, twice, 0.5, 0.2, "faces")], 10)
+
+
 def test_detector() -> None:
     pair = SurfacePair(OTHER, SQUARE, 0.5, 0.2, name="joint")
     with pytest.raises(InputError, match="one or more surface pairs"):

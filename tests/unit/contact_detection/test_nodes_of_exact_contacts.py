@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from fcsim import Body, ExactContacts, Material, build_model
-from fcsim.mesh import brick, rigid_sphere
+from fcsim import Body, Everything, ExactContacts, InputError, Material, build_model
+from fcsim.mesh import brick, rigid_box, rigid_sphere
 
 
 @pytest.mark.parametrize("bodies", [1, 2])
@@ -21,3 +21,16 @@ def test_inner_nodes_are_none(bodies: int) -> None:
     assert not inner[own % len(part.points)].any()
     met = contact(model.reference)
     assert len(met) and np.isin(met.nodes[met.nodes >= 0], contact.nodes).all()
+
+
+def test_curved_and_smooth_are_those_of_the_meshed_bodies() -> None:
+    """Normals between meshed bodies are interpolated as `Everything` has them; names of others are refused."""
+    boxes = [rigid_box("box", (1, 1, 1), (0, 0, 0.5), 1.0), rigid_box("base", (3, 3, 1), (0, 0, -0.5), 1.0)]
+    model = build_model([*boxes, rigid_sphere("ball", 1.0, (0.0, 0.0, 9.0), 1.0)])
+    meshed = ExactContacts(model, 0.3, curved=iter(["base"]), smooth=False).meshed
+    assert meshed is not None
+    assert meshed.curved == ("base",) and not meshed.smooth
+    assert list(meshed.smoothed_bodies) == list(Everything(build_model(boxes), 0.3, curved=["base"]).smoothed_bodies)
+    for wrong in ({"curved": ["ball"]}, {"curved": "base"}, {"curved": ["nobody"]}, {"smooth": 1}):
+        with pytest.raises(InputError, match=f"ExactContacts, {next(iter(wrong))}: expected"):
+            ExactContacts(model, 0.3, **wrong)  # type: ignore[arg-type]

@@ -1,7 +1,7 @@
 """What laws are built of: variables by contact, areas, sizes; and the guide's law of one's own."""
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import inf
 from pathlib import Path
 from typing import Any
@@ -119,6 +119,68 @@ def test_areas_of_everything_add_up_to_the_joint(d: int, upper: int, lower: int,
         positions[own, :-1] -= 2 * shift * (positions[own, :-1] - 0.1)
     contacts = Everything(model, 0.5)(positions)
     assert proportions(model).area_at(contacts, positions).sum() == pytest.approx(0.2 ** (d - 1), rel=1e-5)
+
+
+def _turned(body: RigidBody, degrees: float, shift: float) -> RigidBody:
+    """Turned about its centre and the vertical, then shifted along x."""
+    c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+    points = (body.points - body.centre) @ np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]]) + body.centre
+    along = np.array([shift, 0.0, 0.0])
+    return replace(body, points=points + along, centre=body.centre + along)
+
+
+@pytest.mark.parametrize(("lower", "upper"), [(1, 1), (2, 2), (3, 6), (6, 3), (4, 3)])
+@pytest.mark.parametrize("rigid", [False, True])
+def test_areas_of_faces_that_overhang_each_other_are_their_overlaps(lower: int, upper: int, rigid: bool) -> None:
+    """Unit squares shifted by s: 1 - s, in 2D times the thickness; turned on each other by a: 2 / (1 + sin a + cos a); planks crossed."""
+    for shift in (0.5, 0.13, 5e-5):
+        bar = rectangle("l", (1.0, 0.1), (lower, 1), SOFT, thickness=0.25)
+        model = build_model([Body("l", bar, translation=(0.0, -0.1)), rigid_rectangle("u", (1, 0.1), (0.5 + shift, 0.05), 1.0, (upper, 1))])
+        assert _area(model) == pytest.approx((0.25 * (1 - shift), 0.5 + shift / 2), rel=1e-9)
+    slab = rigid_box("l", (1, 1, 0.1), (0, 0, -0.05), 1.0, (lower, lower, 1))
+    under = slab if rigid else Body("l", brick("l", (1, 1, 0.1), (lower, lower, 1), SOFT, origin=(-0.5, -0.5, -0.1)))
+    for degrees, shift in ((0.0, 0.5), (0.0, 5e-5), (20.0, 0.0), (45.0, 0.0), (0.1, 0.0)):
+        above = _turned(rigid_box("u", (1, 1, 0.1), (0, 0, 0.05), 1.0, (upper, upper, 1)), degrees, shift)
+        a = np.radians(degrees)
+        exact = 2 / (1 + np.sin(a) + np.cos(a)) - shift
+        assert _area(build_model([under, above])) == pytest.approx((exact, shift / 2), rel=1e-9, abs=1e-9)
+    planks = [rigid_box(n, s, (0, 0, z), 1.0, (lower, upper, 1)) for n, s, z in (("l", (3, 1, 1), -0.5), ("u", (1, 3, 1), 0.5))]
+    assert _area(build_model(planks)) == pytest.approx((1.0, 0.0), abs=1e-9)
+
+
+def _area(model: Any) -> tuple[float, float]:
+    """The sum of all areas under `Everything`, and the x of their centre."""
+    positions = model.positions(np.zeros(model.n_dofs))
+    contacts = Everything(model, 0.5)(positions)
+    areas = proportions(model).area_at(contacts, positions)
+    assert areas.min() > 0
+    return areas.sum(), areas @ contacts.point[:, 0] / areas.sum()
+
+
+@pytest.mark.parametrize("degrees", [0.0, 63.0])
+def test_each_foot_of_a_bridge_has_its_own_area(degrees: float) -> None:
+    """Feet of 0.3 m, one of one facet, the other of four, half of which is beyond the ground's end; all turned in the plane."""
+    x = np.array([0.0, 0.3, 0.7, 0.775, 0.85, 0.925, 1.0, 1.0, 0.0])
+    y = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.5, 0.5])
+    points = np.stack([np.insert(x, 2, [0.3, 0.7]), np.insert(y, 2, [0.2, 0.2])], axis=1)
+    skin = np.stack([np.arange(11), (np.arange(11) + 1) % 11], axis=1)
+    ground = rigid_rectangle("ground", (0.95, 0.2), (0.375, -0.1), 1.0, (5, 1))
+    turn = np.array([[np.cos(a := np.radians(degrees)), np.sin(a)], [-np.sin(a), np.cos(a)]])
+    bridge = RigidBody("bridge", 1.0, 1.0, np.array([0.5, 0.3]) @ turn, points @ turn, {"skin": skin})
+    model = build_model([bridge, replace(ground, points=ground.points @ turn, centre=ground.centre @ turn)])
+    positions = model.positions(np.zeros(model.n_dofs))
+    contacts = Everything(model, 0.5)(positions)
+    areas, left = proportions(model).area_at(contacts, positions), (contacts.point @ turn.T)[:, 0] < 0.5
+    assert areas[left].sum() == pytest.approx(0.3, rel=1e-9)
+    assert areas[~left].sum() == pytest.approx(0.15, rel=1e-9)
+
+
+def test_what_is_too_far_away_for_a_contact_has_no_area() -> None:
+    """A slab of 4 x 4 facets that opens about one side: only its nodes there are in contact, with half of a row of facets."""
+    slab, floor = rigid_box("slab", (1, 1, 0.1), (0, 0, 0.05), 1.0, (4, 4, 1)), rigid_box("floor", (3, 3, 1), (0, 0, -0.5), 1.0)
+    hinge, c, s = np.array([-0.5, 0.0, 0.0]), np.cos(0.1), np.sin(0.1)
+    points = (slab.points - hinge) @ np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]]) + hinge
+    assert _area(build_model([replace(slab, points=points), floor]))[0] == pytest.approx(1 / 8, rel=6e-3)
 
 
 def test_areas_in_two_dimensions_have_the_thickness() -> None:

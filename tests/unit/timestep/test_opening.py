@@ -233,3 +233,21 @@ def test_restitution_of_bodies_that_swing(E: float, h: float, e: float, held: bo
     found = list(restitution_of_points(build_model([block, base], supports=supports), Theta(h, law=Velocity(e))))
     assert len(found) == named
     assert not named or "of body 'block', through which sound takes 0.001" in found[0]
+
+
+def test_velocities_that_statics_do_not_use_are_named() -> None:
+    """Not those of driven supports, of a run in motion, or of what an earlier run of statics has moved."""
+    bodies = [rigid_box("box", (1, 1, 1), (0, 0, 0.5), 1.0), rigid_box("base", (3, 3, 1), (0, 0, -0.5), 1.0)]
+    model = build_model(bodies, supports=[Support("base", ALL[1:]), Support("base", ("x",), velocity=0.1)])
+    start, moved = at_rest(model), at_rest(model)
+    start.v[model.dof_offset[model.number["box"]] + 2] = moved.v[0] = 2.0
+    moved.x[0] = 1e-3
+    for scheme, state, named in (
+        (QuasiStatic(1.0, 1.0), start, True),
+        (QuasiStatic(1.0, 1.0), at_rest(model), False),
+        (QuasiStatic(1.0, 1.0), moved, False),
+        (Theta(1.0), start, False),
+    ):
+        said = [r for r in Simulation(model, Everything(model, 0.5), scheme, 1)._opening(state) if "initial velocities" in r]
+        assert len(said) == named
+        assert all("'box' up to 2 m/s" in r for r in said)

@@ -347,8 +347,9 @@ def test_rules_side_by_side() -> None:
     nodes, looking_down = plate(upper, upper, up=False)
     x = np.concatenate([x, nodes + np.array([0, 0, 0.01])])
     slave, master = ContactSurface(16 + looking_down, np.ones(4, int)), ContactSurface(facets, np.zeros(9, int))
-    rules = ["segments", "nodes", "mortar", "faces", "mortar-faces", "mortar"]
+    rules = ["segments", "nodes", "mortar", "faces", "mortar-faces"]
     pairs = [SurfacePair(slave, master, 0.1 * k, 0.1, rule) for k, rule in enumerate(rules)]  # type: ignore[arg-type]
+    pairs.append(SurfacePair(master, slave, 0.5, 0.1, "mortar"))
     contacts = Detector(pairs, len(x))(x)
     assert (np.diff(contacts.identity) > 0).all()
     assert len(lower) == 4

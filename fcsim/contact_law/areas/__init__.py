@@ -1,0 +1,1 @@
+"""The area that a contact stands for, where the facets of two bodies overlap."""
