@@ -6,6 +6,7 @@ The public names are loaded when first used, so that the core (FCLIB files, solv
 from importlib import import_module
 from typing import TYPE_CHECKING
 
+from fcsim import memory as _memory
 from fcsim import moved as _moved
 from fcsim import runtime as _runtime
 from fcsim.version import __version__ as __version__
@@ -251,6 +252,8 @@ def __getattr__(name: str) -> object:
     name = _moved.renamed(name)
     if name not in _HOME:
         raise AttributeError(f"module 'fcsim' has no attribute {name!r}")
+    if _HOME[name] != "errors":
+        _memory.refuse_to_load_the_core()
     return getattr(import_module(f"fcsim.{_HOME[name]}"), name)
 
 

@@ -4,14 +4,22 @@ from __future__ import annotations
 
 import sys
 
+from fcsim.errors import EXIT_BAD_INPUT, InputError
+from fcsim.memory import refuse_to_load_the_core
+
 
 def run() -> int:
-    """Load the command line, which takes a second, and run it; the exit code. Ctrl-C while it is loaded ends it by a line, too."""
+    """Load the command line, which takes a second, and run it; the exit code. Ctrl-C while it is loaded ends it by a line, too, as does a
+    limit on the memory in which it cannot be loaded."""
     try:
+        refuse_to_load_the_core()
         from fcsim.command_line.main import main
     except KeyboardInterrupt:
         print("fcsim: interrupted by the keyboard", file=sys.stderr)
         return 130
+    except InputError as error:
+        print(f"fcsim: {error}", file=sys.stderr)
+        return EXIT_BAD_INPUT
     return main()
 
 

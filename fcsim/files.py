@@ -87,6 +87,13 @@ def refuse_unwritable(path: Path) -> None:
         raise InputError(f"{path}: expected a folder that can be written to, {path.parent} cannot")
 
 
+def refuse_unwritable_place(path: Path) -> None:
+    """InputError where neither a file nor a folder can be written at `path`, whose folders may be made: a read-only disk."""
+    folder = next(place for place in (path.absolute(), *path.absolute().parents) if place.is_dir())
+    if not os.access(folder, os.W_OK | os.X_OK):
+        raise InputError(f"{path}: expected a place that can be written to, {folder} cannot")
+
+
 def remove_partial_files(directory: Path) -> None:
     """Remove what writers that were killed left in a folder and its folders, whose lock the caller holds."""
     for folder, _, names in os.walk(directory):

@@ -20,6 +20,9 @@ from fcsim.errors import InputError
 _ANY_SIZE: ContextVar[bool] = ContextVar("any size", default=False)
 LIBRARIES = 400 * 2**20
 """Addresses [bytes] that MPI, dolfinx and gmsh take: 360 MiB were counted. With fewer left they end in a segmentation fault."""
+NUMPY, CORE = 70 * 2**20, 280 * 2**20
+"""Addresses [bytes] that NumPy takes, and SciPy, numba and h5py after it: 70 and 285 MiB were counted, of one thread. With fewer left
+an import fails in any line of theirs."""
 
 CGROUPS = (
     ("/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory.current"),
@@ -89,6 +92,16 @@ def refuse_beyond_memory(what: str, needed: float) -> None:
             f"{what}: takes about {readable(needed)} of memory, {readable(free)} are free; make it smaller, or begin all the same with "
             "FCSIM_ANY_SIZE=1 (fcsim run: --any-size)"
         )
+
+
+def refuse_to_load_the_core() -> None:
+    """InputError where this process' own limit leaves too few addresses for SciPy, numba and h5py, and they are not loaded yet."""
+    if "numba" in sys.modules:
+        return
+    needed = CORE if "numpy" in sys.modules else CORE + NUMPY
+    if (left := addresses_left()) < needed:
+        taken = f"NumPy, SciPy and numba take about {readable(needed)}"
+        raise InputError(f"memory: {taken}, this process' limit leaves {readable(left)}; raise it (ulimit -v)")
 
 
 def refuse_to_load_libraries(package: str) -> None:

@@ -6,7 +6,7 @@ body through the operators of the parts, which are assembled once.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Literal
@@ -339,6 +339,9 @@ def build_model(
         raise InputError(f"Rayleigh damping: expected alpha >= 0 and beta >= 0, got {shown(alpha)} and {shown(beta)}")
     if gravity is not None and not callable(gravity):
         raise InputError(f"gravity: expected a function of the time, as lambda t: (0.0, 0.0, -9.81), got {shown(gravity)}")
+    for name, several in (("supports", supports), ("loads", loads)):
+        if not isinstance(several, Iterable):
+            raise InputError(f"{name}: expected several, in a list, got {type(several).__name__}: write [{type(several).__name__}(...)]")
     model = Model(ordered, tuple(supports), tuple(loads), gravity, lumped, alpha, beta, driven, kinematics)
     model.load(0.0)  # these refuse what loads and supports get wrong before the run starts
     model.following.force(np.zeros(model.n_dofs), When.at(0.0))

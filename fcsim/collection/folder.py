@@ -43,11 +43,22 @@ def whole_folder(path: Path, overwrite: bool = False) -> Iterator[Path]:
             with alone_in(temporary, "fcsim collection"):
                 yield temporary
                 refuse_folder(path, overwrite)
-                if path.exists():
-                    _remove_collection(path)
-                temporary.rename(path)
+                _take_place(temporary, path)
         finally:
             shutil.rmtree(temporary, ignore_errors=True)
+
+
+def _take_place(made: Path, path: Path) -> None:
+    """What was made in the place of `path`: the folder itself, but in the working directory what is in it, its manifest last, since whoever
+    stands there would stand in a folder that is removed."""
+    if path.exists() and path.samefile(os.curdir):
+        _remove_collection(path, itself=False)
+        for entry in sorted(made.iterdir(), key=lambda entry: entry.name == MANIFEST):
+            entry.rename(path / entry.name)
+        return
+    if path.exists():
+        _remove_collection(path)
+    made.rename(path)
 
 
 @contextmanager
@@ -88,15 +99,16 @@ def _remove_abandoned(path: Path) -> None:
             continue
 
 
-def _remove_collection(path: Path) -> None:
-    """Remove the files of a collection one by one, its manifest last, and what is empty then."""
+def _remove_collection(path: Path, *, itself: bool = True) -> None:
+    """Remove the files of a collection one by one, its manifest last, and what is empty then, with the folder itself or without."""
     own = _own_files(path) if any(path.iterdir()) else {MANIFEST}
     for place in [*sorted(own - {MANIFEST}), MANIFEST]:
         (path / place).unlink(missing_ok=True)
     for form in FORMS:
         if (path / form).is_dir():
             (path / form).rmdir()
-    path.rmdir()
+    if itself:
+        path.rmdir()
 
 
 def _own_files(path: Path) -> set[str]:
@@ -113,11 +125,12 @@ def refuse_kinds(spectrum_up_to: object, **switches: object) -> None:
 
 
 def refuse_folder(path: Path, overwrite: bool, source: Path | None = None) -> None:
-    """Raise InputError where a collection may not be written to `path`, as where that is or holds the `source` it is made from.
+    """Raise InputError where a collection may not be written to `path`, as where that is or holds the `source` it is made from
+    (which is not there where it is the name of a case that comes with fcsim).
 
     Only a folder whose manifest.csv lists all that it holds counts as a collection that may be replaced.
     """
-    if source is not None and resolved(source).is_relative_to(resolved(path)):
+    if source is not None and source.exists() and resolved(source).is_relative_to(resolved(path)):
         raise InputError(f"{path}: expected a folder apart from {source}, which the collection is made from")
     if path.exists() and not path.is_dir():
         raise InputError(f"{path}: expected a new folder for the collection, found a file")

@@ -82,7 +82,8 @@ def select_problems(
 ) -> Selection:
     """Copy `count` problems of graded difficulty from a folder of FCLIB files, fcsim's or not, to the collection `out`.
 
-    Each problem is solved by `solver` from r = 0 to `tol`, for at most `time_limit` [s]; unsolved ones are the hardest. They are chosen
+    Each problem is solved by `solver` from r = 0 to `tol`, for at most `time_limit` [s]; unsolved ones are the hardest. The
+    iterations are to be alike in all problems: NSN-AC's are, `auto`'s are of whatever method it chose, sweeps or Newton's. They are chosen
     evenly over difficulty and time, see `grade.choose`, and copied in the forms that are there, byte by byte, under a name that
     states these iterations. `made` says in the README what the folder came of, where it does not last, with these `notes`. OUT holds
     them as global/ and local/, manifest.csv, README.md, distributions.png, selection.png.
@@ -106,6 +107,8 @@ def select_problems(
     notes = [*notes, *left_out]
     if count > len(graded):
         notes.append(f"{count} problems were asked for, there are {len(graded)}.")
+    if 2 * (unsolved := sum(not g.solved for g in graded)) > len(graded):
+        notes.append(f"{unsolved} of {len(graded)} problems are left unsolved by {solver}, which grades them alike: try another solver.")
     places = choose(np.array([g.iterations for g in graded]), np.array([g.solved for g in graded]), count, seed)
     with whole_folder(out, overwrite) as folder:
         entries: list[Entry] = []

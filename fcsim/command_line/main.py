@@ -20,6 +20,7 @@ from fcsim.command_line.sets import bench, collection, leaderboard, profile
 from fcsim.command_line.start import begin, cases, completion, doctor
 from fcsim.command_line.terminal import any_encoding, one_line, open_streams, say, silence, write
 from fcsim.errors import EXIT_BAD_INPUT, EXIT_INTERRUPTED, EXIT_OK, FcsimError, InputError
+from fcsim.files import refuse_unwritable_place
 from fcsim.interrupts import ended_by, is_interrupt
 from fcsim.ranks import asked_ranks, end_with, own_rank, sharing
 from fcsim.records import json_text
@@ -56,6 +57,18 @@ def _add_output_options(parser: argparse.ArgumentParser) -> None:
             parent.add_argument("--quiet", action="store_true", default=argparse.SUPPRESS, help="say nothing but errors")
         if not below and "--json" not in parent._option_string_actions:
             parent.add_argument("--json", action="store_true", dest="as_json", help="print the answer as JSON")
+
+
+RESULTS = ("out", "page", "export", "draw")
+"""Options that say where results go."""
+
+
+def _refuse_unwritable(options: argparse.Namespace) -> None:
+    """InputError where results cannot be written to where they are to go: before they are computed, not after. A run looks itself."""
+    if options.command not in SHARED:
+        for name in RESULTS:
+            if isinstance(place := getattr(options, name, None), Path):
+                refuse_unwritable_place(place)
 
 
 SHARED = ("run",)
@@ -109,6 +122,7 @@ def _acted(options: argparse.Namespace) -> tuple[int, str]:
     """The exit code of a command, and the message of what ended it."""
     try:
         _refuse_ranks(options.command, getattr(options, "launcher", None))
+        _refuse_unwritable(options)
         with sharing() if options.command in SHARED else nullcontext(), limited_threads():
             return int(options.act(options)), ""
     except FcsimError as error:

@@ -12,8 +12,8 @@ from fcsim.brief import shown
 from fcsim.errors import InputError, asked
 
 Friction = float | Mapping[tuple[str, str], float] | Callable[[str, str], float]
-"""mu of every pair; {("brick", "floor"): 0.5, ("*", "*"): 0.7}, in either order, "*" being any body, of which the most exact entry counts;
-or a function of two names."""
+"""mu of every pair; {("brick", "floor"): 0.5, ("*", "*"): 0.7}, in either order, "*" being any body, of which the most exact entry counts
+(where one for either of two bodies with "*" gives them different numbers, theirs is asked for); or a function of two names."""
 
 
 class FrictionTable:
@@ -62,9 +62,14 @@ class FrictionTable:
 
     def _entry(self, one: str, other: str) -> float:
         assert isinstance(self._mu, Mapping)
-        for key in ((one, other), (other, one), (one, "*"), ("*", one), (other, "*"), ("*", other), ("*", "*")):
-            if key in self._mu:
-                return float(self._mu[key])
+        for keys in (((one, other), (other, one)), ((one, "*"), ("*", one), (other, "*"), ("*", other)), (("*", "*"),)):
+            given = {key: float(self._mu[key]) for key in keys if key in self._mu}
+            if len(set(given.values())) > 1:  # which of them is meant no order of the bodies can tell
+                both = " and ".join(f"{mu:g} of {key}" for key, mu in given.items())
+                pair = f"{one!r} and {other!r}"
+                raise InputError(f"mu of {pair}, which touch: expected one number, got {both}; add an entry for {one, other}")
+            if given:
+                return next(iter(given.values()))
         raise InputError(f"mu: expected an entry for the bodies {one!r} and {other!r}, which touch (or one for ('*', '*')), got none")
 
 

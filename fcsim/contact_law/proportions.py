@@ -20,6 +20,10 @@ ROUND_OFF = 16 * np.finfo(np.float64).eps
 """Of positions, relative to the largest coordinate."""
 
 
+AT_A_NODE = 0.98
+"""The master's weight from which on a contact is where two nodes meet."""
+
+
 @dataclass(frozen=True, eq=False)
 class Proportions:
     """Of a model's bodies.
@@ -70,8 +74,8 @@ class Proportions:
 
         A_k = sum over the facets at node k of n area / (nodes of the facet), S_k = sum_b w_bk N_b over the contacts b with the weight
         w_bk > 0 on k; area_a = sum_k w_ak (-A_k . N_a) / (S_k . N_a): a node's area towards N_a, shared by its contacts of that side.
-        Where two bodies are slaves of each other (two passes), each pass stands for half. In 2D areas are lengths times the thickness
-        that both bodies share: the smaller of two, the deformable one's beside a rigid body, 1 between rigid ones.
+        Where two bodies are slaves of each other (two passes), both stand for it together, see `_of_two_passes`. In 2D areas are lengths
+        times the thickness that both bodies share: the smaller of two, the deformable one's beside a rigid body, 1 between rigid ones.
         """
         nc, d = len(contacts), contacts.dimension
         if not nc:
@@ -84,17 +88,15 @@ class Proportions:
         towards = np.zeros((len(positions), d))
         np.add.at(towards, node, w[:, None] * normal[row])
         share = -np.einsum("ei,ei->e", outward[node], normal[row]) / np.einsum("ei,ei->e", towards[node], normal[row])
-        area = np.bincount(row, w * share, minlength=nc) * self._shared_thickness(contacts)
+        thickness = self._shared_thickness(contacts)
+        area = np.bincount(row, w * share, minlength=nc) * thickness
         if not np.all(area > 0):
             bad = int(np.argmin(area))
             raise InputError(
                 f"contact law: expected a slave surface of named facets at every contact, to know its area; contact {bad} of the bodies "
                 f"{tuple(contacts.bodies[bad].tolist())} at {contacts.point[bad].tolist()} m has none"
             )
-        count = 1 + int(contacts.bodies.max())
-        one_way = contacts.bodies[:, 0] * count + contacts.bodies[:, 1]
-        back = contacts.bodies[:, 1] * count + contacts.bodies[:, 0]
-        return np.where(np.isin(back, one_way), 0.5 * area, area)
+        return _of_two_passes(contacts, area, np.einsum("ai,ai->a", outward[(k := _met_node(contacts))], normal) * thickness, k)
 
     def _shared_thickness(self, contacts: Contacts) -> FloatArray:
         """(nc,) [m]; 1 in 3D."""
@@ -119,6 +121,39 @@ class Proportions:
             own = real[:, corner]
             np.add.at(areas, self.facets[own, corner], (vector / real.sum(axis=1)[:, None])[own])
         return areas
+
+
+def _met_node(contacts: Contacts) -> IntArray:
+    """The node (nc,) of the master with the greatest share in each contact."""
+    return contacts.nodes[np.arange(len(contacts)), np.argmin(contacts.weights, axis=1)]
+
+
+def _of_two_passes(contacts: Contacts, area: FloatArray, met: FloatArray, node: IntArray) -> FloatArray:
+    """Areas (nc,) where two bodies are slaves of each other: half of `area`, that of either's nodes, so that all are the joint's together.
+
+    A contact where two nodes meet, which only one pass has, stands for both: met (nc,) is the area of the master's `node`. Nodes near the
+    rim of the other body stand for what overhangs it, or are missing, by a part of a facet: the body with more of them tells the area of
+    the joint, to which all its areas are scaled. Of as many it is the mean of both.
+    """
+    count = 1 + int(contacts.bodies.max())
+    one_way, back = (contacts.bodies[:, i] * count + contacts.bodies[:, 1 - i] for i in (0, 1))
+    two = np.isin(back, one_way)
+    if not two.any():
+        return area
+    own = np.unique(contacts.nodes[(contacts.nodes >= 0) & (contacts.weights > 0)])
+    merged = two & (contacts.weights.min(axis=1) < -AT_A_NODE) & (met > 0) & ~np.isin(node, own)
+    _, which, of_node = np.unique(node, return_inverse=True, return_counts=True)
+    other = np.where(merged, met / of_node[which], 0.0)
+    codes, place = np.unique(np.concatenate([one_way, back]), return_inverse=True)
+    n = len(area)
+    there, here = place[n:], place[:n]
+    total = np.bincount(place, np.concatenate([area, other]), len(codes))
+    crossing = (contacts.dimension == 3) & (np.count_nonzero(contacts.weights > 0, axis=1) == 2)  # of edges: they are of either body alike
+    nodes = np.bincount(place, np.concatenate([~crossing, merged]), len(codes))
+    mean = 0.5 * (total[here] + total[there])
+    joint = np.where(nodes[here] > nodes[there], total[here], np.where(nodes[here] < nodes[there], total[there], mean))
+    scale = np.where(np.abs(joint - mean) > 1e-9 * mean, joint / mean, 1.0)
+    return np.where(two, 0.5 * (area + other) * scale, area)
 
 
 def proportions(model: Model) -> Proportions:

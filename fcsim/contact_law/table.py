@@ -106,6 +106,8 @@ def laws_of_bodies(model: Model, laws: Mapping[str | tuple[str, str], Law], defa
         numbers = sorted(model.body_number(name) for name in names)
         if len(numbers) == 1:
             single[numbers[0]] = min(single[numbers[0]], k + 1)
+        elif numbers[0] * count + numbers[1] in pairs:
+            raise InputError(f"laws: expected one law for {names[0]!r} and {names[1]!r}, in either order, got two")
         else:
             pairs[numbers[0] * count + numbers[1]] = k + 1
     known = np.array(sorted(pairs), dtype=np.int64)

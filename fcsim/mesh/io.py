@@ -17,6 +17,7 @@ from urllib.parse import quote
 import numpy as np
 
 from fcsim.arrays import IntArray
+from fcsim.brief import shown
 from fcsim.errors import InputError
 from fcsim.files import note_read, path_of, replacing
 from fcsim.mesh.cell_type import CELL_TYPES, GMSH_NUMBERS, TO_MESHIO
@@ -70,6 +71,8 @@ def read_parts(
     Nodes on the interface of two volumes come in both parts, and a surface gives each part the facets that bound it. Errors as
     for `read_mesh`, and where the names of volumes and materials differ.
     """
+    if not isinstance(materials, Mapping):
+        raise InputError(f"materials: expected those of the volumes by their names, {{'name': Material(...)}}, got {shown(materials)}")
     return _read(path_of("path", "a mesh file", path), plane, thickness).parts(materials, elements)
 
 

@@ -48,6 +48,9 @@ def rigid_body(body: Body) -> RigidBody:
     Of the nodes it keeps those of the surfaces; facets of second order become linear ones (`fcsim.mesh.order`). InputError for a part
     without density or without surfaces.
     """
+    if not isinstance(body, Body):
+        mend = f"; a Part is placed by Body({body.name!r}, part)" if isinstance(body, Part) else ""
+        raise InputError(f"rigid_body: expected a Body of a meshed part, got {type(body).__name__}{mend}")
     part = body.part
     if not part.surfaces:
         raise InputError(f"rigid body of {body.name!r}: expected a part with surfaces, got {part.name!r} that has none")

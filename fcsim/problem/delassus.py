@@ -23,7 +23,7 @@ from fcsim.errors import InputError
 from fcsim.linear.block_factors.analysis import Analysis
 from fcsim.linear.block_rows import BLOCKS_A_PIECE, compressed_blocks, product_by_rows
 from fcsim.linear.factors import Factor, SingularMatrix, is_symmetric
-from fcsim.linear.joints import BlockRows, joint_rows
+from fcsim.linear.joints import BlockRows, Pattern, joint_rows
 from fcsim.linear.late.late_rows import LateRows, source_of
 from fcsim.linear.storage import eliminated_dense
 from fcsim.problem._judge_kernels import diagonal_blocks_of_rows
@@ -209,6 +209,12 @@ class Delassus:
             return joint_rows(self.rows, self.dimension) if self.is_sparse else None
         joined = self.unshifted.joints
         return None if joined is None else joint_rows(self.rows, self.dimension, joined.pattern)
+
+    def joints_like(self, earlier: Pattern | None) -> BlockRows | None:
+        """`joints`; where W has the pattern of an earlier one it is not analysed again."""
+        if earlier is not None and self.is_sparse and earlier.is_that_of(self.rows):
+            self.__dict__.setdefault("joints", joint_rows(self.rows, self.dimension, earlier))
+        return self.joints
 
     @cached_property
     def elimination(self) -> Elimination:

@@ -32,7 +32,7 @@ class SeriesWriter:
     contacts and rigid names the bodies (not of blocks: meshio reads no .vtu with texts).
 
     blocks     points in the reference configuration; point data displacement [m], velocity [m/s]; cell data von_mises [Pa]
-               (at the cell's centre), body
+               (at the cell's centre), body; field data round_off_of_stress [Pa], what von_mises may have of it in linear parts
     contacts   points at the foot points; reaction (global axes), reaction_normal, reaction_tangential [N], gap [m], status (0 open,
                1 stick, 2 slip), sliding_velocity [m/s], mu, slave and master (numbers of the bodies), identity
                (of the same contact at all instants), normal, displacement [m] of the master surface there, rolling_moment

@@ -204,8 +204,8 @@ class Monitor:
 
 @dataclass(frozen=True, eq=False)
 class Iterate:
-    """What a method's run function returns: the last iterate and why it stopped; message: what another program said about that, or what
-    the certificate of an INFEASIBLE problem says.
+    """What a method's run function returns: the last iterate and why it stopped; message: what another program said about that, what
+    the certificate of an INFEASIBLE problem says, or that what was asked for by name was not all that worked.
     """
 
     r: FloatArray

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -67,6 +68,15 @@ class Encounter:
         if self.moments is None:
             return self.contacts.dimension
         return ROWS if self.terms.spinning is None else SPINNING_ROWS
+
+    @property
+    def handed_out(self) -> sp.csc_array:
+        """H whose arrays cannot be written into: the next steps have its pattern, and the ranks of one machine its entries."""
+        H = copy(self.H)
+        for name in ("data", "indices", "indptr"):
+            setattr(H, name, values := getattr(H, name).view())
+            values.setflags(write=False)
+        return H
 
     @cached_property
     def acting_H(self) -> sp.csc_array:

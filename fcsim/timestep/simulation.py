@@ -194,7 +194,8 @@ class Simulation:
             said |= new.keys()
             refuse_beyond(self.limits, self.model, deformation, when)
             if watch is not None and watch.witness.stop and step.overlap is not None and step.overlap.beyond:
-                raise Penetration(penetration_seen(step.number, step.state.t, step.overlap, watch.witness.tolerance))
+                soft = step.encounter.terms.compliance is not None
+                raise Penetration(penetration_seen(step.number, step.state.t, step.overlap, watch.witness.tolerance, soft))
             del step  # its W is not kept while the next one is made
             if self.keep and moment.number % self.keep == 0:
                 kept, anchor = {}, moment
@@ -326,7 +327,7 @@ class Simulation:
             previous=state,
             state=after,
             contacts=met.contacts,
-            H=met.H,
+            H=met.handed_out,
             problem=answer.problem,
             result=result,
             reduction=answer.reduction,

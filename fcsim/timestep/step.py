@@ -11,7 +11,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from fcsim.arrays import BoolArray, FloatArray
+from fcsim.arrays import BoolArray, FloatArray, is_whole
 from fcsim.assembly.functions.of_bodies import Field, body_function
 from fcsim.assembly.model import Model
 from fcsim.assembly.supports import Support
@@ -88,7 +88,8 @@ class Step:
 
     scheme            the scheme whose step it is, of the sub-step's length where the step was cut
     previous, state   the states at its beginning and end
-    H                 contact matrix (n_dofs, d nc) of the forces over all dofs, driven ones included; of rolling moments see `Encounter`
+    H                 contact matrix (n_dofs, d nc) of the forces over all dofs, driven ones included, read-only; of rolling moments see
+                      `Encounter`
     problem, result   the global problem and its answer; the result's r acts as `reaction`
     reduction         its local form, and v from r
     start, earlier    (m,) where the solver began, and the reactions of earlier steps, newest first, see `warm_start`
@@ -290,8 +291,10 @@ class Step:
         """Forces (nc, d) [N] on the slave bodies in the world axes."""
         return np.einsum("aij,ai->aj", self.contacts.frame, self.contact_force)
 
-    def contact_force_on(self, body: int) -> FloatArray:
-        """Resultant (d,) [N] of the contact forces on a body."""
+    def contact_force_on(self, body: int | str) -> FloatArray:
+        """Resultant (d,) [N] of the contact forces on a body, by its name or its number; InputError where there is none such."""
+        if isinstance(body, str) or not (is_whole(body, 0) and body < len(self.model.bodies)):
+            body = self.model.body_number(body)  # type: ignore[arg-type] # which refuses what is no name
         slave, master = self.contacts.bodies.T
         return self.force_in_space[slave == body].sum(axis=0) - self.force_in_space[master == body].sum(axis=0)
 

@@ -34,6 +34,7 @@ if TYPE_CHECKING:
 # The factors below differ by at most 1.5, so it is at least two thirds of it.
 SHOWN_DISPLACEMENT = 0.08
 NEGLIGIBLE = 1e-10  # share of the size below which a displacement is round-off, shown as it is
+ABOVE_ROUND_OFF = 10.0  # times what stresses have of round-off: the colours end no lower
 ROUND_FACTORS = np.array([1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 8.0])
 
 # magma, perceptually uniform, from pale to dark without its blackest fifth: an unloaded block looks like stone, a mesh line shows on it
@@ -77,7 +78,8 @@ class Survey:
     """What stays the same in all pictures of a run.
 
     exaggeration  factor on displacements
-    stress        (2,) [Pa] the range of colours: from 0 to the largest 99th percentile of an instant; None without blocks
+    stress        (2,) [Pa] the range of colours: from 0 to the largest 99th percentile of an instant, and to above what may be round-off,
+                  as in bodies that fall; None without blocks
     force         [N] the largest contact reaction
     low, high     (3,) [m] corners of the box that pictures show, see `framed`
     planar        2D: seen along z
@@ -128,6 +130,7 @@ def survey(run: RunFolder, instants: tuple[Instant, ...], exaggeration: float | 
             framed.see(data, rigid=path == instant.rigid)
             if "von_mises" in data.cell_data:
                 stress.append(float(np.percentile(data.cell_data["von_mises"], 99)))
+                stress.append(ABOVE_ROUND_OFF * float(data.field_data.get("round_off_of_stress", [0.0])[0]))  # none in files of fcsim 0.2
         if instant.contacts is not None and len(reaction := np.asarray(read(instant.contacts)["reaction"])):
             force = max(force, float(np.linalg.norm(reaction, axis=1).max()))
     if not framed.boxes:

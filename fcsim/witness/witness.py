@@ -126,14 +126,15 @@ def begin(witness: Witness, model: Model, x: FloatArray) -> Watch:
     return watch
 
 
-def penetration_seen(number: int, t: float, overlap: Overlap, tolerance: float) -> str:
-    """The message of a run that stops after step `number` at time t [s] for its overlap."""
+def penetration_seen(number: int, t: float, overlap: Overlap, tolerance: float, springs: bool = False) -> str:
+    """The message of a run that stops after step `number` at time t [s] for its overlap; springs: whether contacts give way by springs."""
     assert overlap.bodies is not None
     a, b = overlap.bodies
     at = ", ".join(f"{c:.4g}" for c in overlap.point)
+    why = "The springs of the contact law are too soft for what presses on them, or contacts" if springs else "Contacts"
     return (
         f"penetration seen after step {number}, t = {t:.6g} s, at ({at}) between {a!r} and {b!r}: {overlap.depth:.3g} m, "
-        f"{100 * overlap.share:.3g} % of the smaller one's extent, where {100 * tolerance:g} % is borne. Contacts were missed or not "
+        f"{100 * overlap.share:.3g} % of the smaller one's extent, where {100 * tolerance:g} % is borne. {why} were missed or not "
         "held: check the surface pairs and the alert distance, take a smaller step; a witness of another tolerance, or stop=False, bears it"
     )
 

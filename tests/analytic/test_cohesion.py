@@ -230,6 +230,8 @@ def test_two_laws_in_one_model() -> None:
         laws_of_pairs(detector, {"mortar": glue}, Gap())
     with pytest.raises(InputError, match="nobody"):
         laws_of_bodies(model, {"nobody": glue}, Gap())
+    with pytest.raises(InputError, match="one law for 'floor' and 'glued', in either order, got two"):
+        laws_of_bodies(model, {("glued", "floor"): glue, ("floor", "glued"): Gap()}, Gap())
 
 
 def test_refusals() -> None:

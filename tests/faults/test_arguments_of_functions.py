@@ -13,7 +13,7 @@ import pytest
 import fcsim.masonry as masonry
 from fcsim import Body, Everything, InputError, Material, Sensor, Simulation, Step, Support, Theta, build_model
 from fcsim.collection import build_collection, choose, select_problems
-from fcsim.mesh import brick, rigid_box
+from fcsim.mesh import brick, read_parts, rigid_body, rigid_box
 from fcsim.mesh.solids.closed_surface import closed_surface
 from fcsim.running import sensors
 from fcsim.view import interactive, picture
@@ -52,6 +52,12 @@ def _problem(**more: Any) -> None:
 
 
 REFUSED: dict[str, tuple[Callable[[Any], object], tuple[object, ...]]] = {
+    "rigid_body": (rigid_body, (None, "block", brick("b", (1, 1, 1), (1, 1, 1), Material(1e9, 0.2, 1.0)))),
+    "read_parts.materials": (lambda v: read_parts("a.msh", v), (None, Material(1e9, 0.2, 1.0), [1.0], "steel")),
+    "build_model.supports": (lambda v: build_model(_step().model.bodies, supports=v), (None, Support("floor", ("x",)), 1.0)),
+    "build_model.loads": (lambda v: build_model(_step().model.bodies, loads=v), (None, 1.0)),
+    "Simulation.detector": (lambda v: Simulation(_step().model, v, Theta(1e-3), 1), (None, Everything, 0.3, "all")),
+    "contact_force_on": (lambda v: _step().contact_force_on(v), (None, "nobody", 99, -1, 0.5)),
     "Sensor.column": (lambda v: Sensor(v, "l", "m", lambda s: 0.0), (None, 1, "", "a,b", "a\nb", [])),
     "Sensor.measure": (lambda v: Sensor("c", "l", "m", v), (None, 1, "f")),
     "displacement.point": (lambda v: sensors.displacement("c", _step().model, "block", "z", v), NO_POINT),

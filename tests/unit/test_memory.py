@@ -54,6 +54,18 @@ def test_libraries_are_not_loaded_into_too_few_addresses() -> None:
     assert "InputError: memory: the libraries of finite elements take about 400 MiB, this process' limit leaves 200 MiB" in ended.stderr
 
 
+def test_a_limit_too_small_for_numpy_and_numba_is_a_line() -> None:
+    """It was a traceback of whichever of their libraries no longer fitted in, of the command as of the first public name."""
+    child = (
+        "import resource, fcsim, fcsim.__main__ as program; from fcsim.memory import own_addresses; "
+        "n = int(own_addresses()) + 200 * 2**20; resource.setrlimit(resource.RLIMIT_AS, (n, n)); code = program.run()\n"
+        "try: fcsim.solve\nexcept fcsim.InputError as error: print(error)\nraise SystemExit(code)"
+    )
+    ended = subprocess.run([sys.executable, "-c", child], capture_output=True, text=True, check=False)
+    line = "memory: NumPy, SciPy and numba take about 350 MiB, this process' limit leaves 200 MiB; raise it (ulimit -v)\n"
+    assert (ended.returncode, ended.stderr, ended.stdout) == (2, f"fcsim: {line}", line)
+
+
 def test_refused_unless_told(monkeypatch: pytest.MonkeyPatch) -> None:
     refuse_beyond_memory("a point", 8.0)
     with pytest.raises(InputError, match=r"^a cloud: takes about 909 TiB of memory, "):

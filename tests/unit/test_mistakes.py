@@ -216,6 +216,10 @@ MISTAKES: Mapping[str, tuple[Callable[[], object], str]] = {
         lambda: Everything(scene(), {("block", "floor"): 0.4, ("floor", "block"): 0.6}),
         "one number for 'block' and 'floor'",
     ),
+    "Friction of one body or of the other": (
+        lambda: said(scene(), Everything(scene(), {("block", "*"): 0.4, ("*", "floor"): 0.6}), steps=1),
+        "add an entry for ('block', 'floor')",
+    ),
     "Cells that are too stiff": (coarse, 'smaller cells, or "Q1-enhanced" or "Q2"'),
     "A shaft in its hub, both of flat facets": (chords, 'normals="smooth" or candidates="mortar"'),
     "A rotation by an angle": (lambda: Body("block", block(), rotation=90), "Rotation.from_euler"),

@@ -62,7 +62,7 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     select.add_argument(
         "--by", choices=("iterations",), default="iterations", help="difficulty: iterations of the solver from r = 0 (default iterations)"
     )
-    select.add_argument("--solver", default="NSN-AC", help="whose iterations (default NSN-AC; see fcsim solvers)")
+    select.add_argument("--solver", default="NSN-AC", help="whose iterations (default NSN-AC; those of auto are of several methods)")
     select.add_argument("--tol", type=float, default=1e-8, help="to this error (default 1e-8)")
     select.add_argument("--time-limit", type=float, default=100.0, metavar="SECONDS", help="of each solve (default 100)")
     select.add_argument("--seed", type=int, default=0, help="of the choice among equals (default 0)")
@@ -98,6 +98,7 @@ def _progress(bar: Bar) -> Callable[[str, int, int], None]:
 def _build(options: argparse.Namespace) -> int:
     from fcsim.collection.jobs import Build, build_by_job
     from fcsim.collection.readme import one_a_problem
+    from fcsim.running.known_cases import case_place
 
     assignments = read_assignments(options.assignments)
     if options.steps is not None:
@@ -107,7 +108,7 @@ def _build(options: argparse.Namespace) -> int:
             positive("--" + name.replace("_", "-"), getattr(options, name))
     cluster = cluster_of(options, seconds=options.time_limit, at_once=1, threads=1, memory=options.memory_limit)
     build = Build(
-        source=str(options.source if cluster is None else options.source.resolve()),
+        source=str(options.source if cluster is None else case_place(options.source).resolve()),
         out=str(options.out if cluster is None else options.out.resolve()),
         time_limit=options.time_limit,
         memory_limit=options.memory_limit,

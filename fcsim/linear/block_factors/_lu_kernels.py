@@ -50,18 +50,18 @@ def eliminate(F, n1, pivots):
                 f = F[i, k] * scale
                 F[i, k] = f
                 if f != 0.0:
-                    out = F[i]
-                    for j in range(k + 1, k1):
-                        out[j] -= f * row[j]
+                    out, ahead = F[i, k + 1 : k1], row[k + 1 : k1]
+                    for j in range(len(out)):  # from 0 on, so that the compiler makes vectors
+                        out[j] -= f * ahead[j]
         if k1 == n:
             return True
         for k in range(k0, k1):
-            row = F[k]
+            row = F[k, k1:]
             for i in range(k + 1, k1):
                 f = F[i, k]
                 if f != 0.0:
-                    out = F[i]
-                    for j in range(k1, n):
+                    out = F[i, k1:]
+                    for j in range(n - k1):
                         out[j] -= f * row[j]
         if (n - k1) * (n - k1) * (k1 - k0) > BY_BLAS:
             product = np.dot(F[k1:, k0:k1].copy(), F[k0:k1, k1:].copy())
@@ -71,17 +71,17 @@ def eliminate(F, n1, pivots):
                     out[j] -= own[j - k1]
             continue
         for i in range(k1, n):
-            out = F[i]
+            out, left = F[i, k1:], F[i, :k1]
             k = k0
             while k + 4 <= k1:
-                a, b, c, e = F[k], F[k + 1], F[k + 2], F[k + 3]
-                fa, fb, fc, fe = out[k], out[k + 1], out[k + 2], out[k + 3]
-                for j in range(k1, n):
+                a, b, c, e = F[k, k1:], F[k + 1, k1:], F[k + 2, k1:], F[k + 3, k1:]
+                fa, fb, fc, fe = left[k], left[k + 1], left[k + 2], left[k + 3]
+                for j in range(n - k1):
                     out[j] -= fa * a[j] + fb * b[j] + fc * c[j] + fe * e[j]
                 k += 4
             while k < k1:
-                a, fa = F[k], out[k]
-                for j in range(k1, n):
+                a, fa = F[k, k1:], left[k]
+                for j in range(n - k1):
                     out[j] -= fa * a[j]
                 k += 1
     return True

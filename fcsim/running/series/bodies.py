@@ -56,6 +56,8 @@ class Blocks:
             for part, places in members.items()
         ]
 
+        self._largest = [0.0 if S is None else float(abs(S).sum(axis=1).max()) for S, *_ in self._parts]  # sum_j |S_ij| [Pa/m]
+
         width = np.repeat([body.part.cells.shape[1] for body in bodies], count)
         connectivity = np.concatenate([(body.part.cells + begin).ravel() for body, begin in zip(bodies, node_begin, strict=False)])
         kinds = np.repeat(np.array([CELL_TYPES[body.part.cell_type].vtk for body in bodies], dtype=np.uint8), count)
@@ -72,7 +74,13 @@ class Blocks:
         for name, values in self._nonlinear(stress, state).items():
             cell_data.AddArray(self._vtk.array(name, values))
         cell_data.AddArray(self._vtk.array("von_mises", stress))
+        self._grid.GetFieldData().AddArray(self._vtk.array("round_off_of_stress", np.array([self._round_off(displacement)])))
         return self._grid
+
+    def _round_off(self, displacement: NDArray) -> float:
+        """[Pa] what the stresses of linear parts have of round-off, about eps sum_j |S_ij| |x_j|: more, the farther they have come."""
+        moved = (float(np.abs(displacement[nodes]).max()) for _, nodes, _, _ in self._parts)
+        return float(np.finfo(np.float64).eps * max(S * y for S, y in zip(self._largest, moved, strict=True)))
 
     def _nonlinear(self, von_mises: NDArray, state: State) -> dict[str, NDArray]:
         """Put the von Mises stress of bodies of nonlinear materials in its place; their internal variables by name, (ncells,) or

@@ -6,6 +6,7 @@ UNITS = {
     "displacement": "m",
     "velocity": "m/s",
     "von_mises": "Pa",
+    "round_off_of_stress": "Pa",
     "back_stress": "Pa",
     "reaction": "N",
     "reaction_normal": "N",

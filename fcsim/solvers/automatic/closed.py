@@ -91,6 +91,11 @@ def on_springs(race: Race) -> bool:
     return race.joints is None and race.prices.in_velocities and regular(race)
 
 
+def elastic_joints(race: Race) -> bool:
+    """Whether contacts come in joints of bodies of many velocities, as of elastic bricks, be some among them rigid."""
+    return race.joints is not None and not race.prices.in_velocities
+
+
 def newton_stays(race: Race) -> bool:
     """Whether what Newton's systems are made of serves beyond its first iterations: where bodies' velocities are many and a memory keeps it
     for the next steps, or the bodies behind a large W in joints are known, so that nothing of W is factored."""

@@ -22,8 +22,9 @@ import numpy as np
 import scipy.sparse as sp
 
 from fcsim.linear.joints import BlockRows
+from fcsim.linear.late.late_rows import source_of
 from fcsim.linear.storage import REAL, REFERENCE, Machine, Work
-from fcsim.problem import LocalProblem
+from fcsim.problem import Delassus, LocalProblem
 from fcsim.solvers.interior_point.systems import by_bodies
 from fcsim.solvers.newton.systems.choice import eliminated_in_velocities
 from fcsim.solvers.newton.systems.velocity import bodies_of
@@ -90,6 +91,14 @@ class Prices:
     joints: BlockRows | None
     machine: Machine = REFERENCE
 
+    @staticmethod
+    def of(problem: LocalProblem, operator: Delassus, joints: BlockRows | None) -> Prices:
+        """Those of a problem that is stored as it is eliminated; operator: W as it was given. Where entries in joints are summed when they
+        are read the room that there is for them counts: a price is not to have them summed."""
+        late = joints is not None and source_of(operator.W) is not None
+        entries = len(joints.indices) * operator.dimension**2 if joints is not None and late else operator.entries
+        return Prices(problem, entries, joints)
+
     @cached_property
     def sweep(self) -> float:
         """A Gauss-Seidel sweep."""
@@ -149,6 +158,9 @@ class Prices:
             motion = self.problem.delassus.motion
             own = OWN_COMPILED if motion is not None and motion.M.shape[0] <= UP_TO else OWN
             return self.proximal(closed) + self.machine.seconds(Work(own * self.problem.nc))
+        if self.joints is not None and closed:  # open contacts leave the fronts
+            share = closed / self.problem.m
+            return self.machine.seconds(Work(share**3 * self.flops, steps=SPARSE_STEPS) + share * self._gather)
         loaded = SPARSE_STEPS - RUNNING_STEPS if sp.issparse(self.problem.W) else 0
         return self.proximal(closed) - self.machine.seconds(Work(steps=loaded))
 

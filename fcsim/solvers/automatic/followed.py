@@ -20,6 +20,7 @@ from fcsim.solvers.base import Iterate, Monitor, Status
 from fcsim.solvers.newton.iterations import local_turns
 from fcsim.solvers.newton.options import NewtonOptions
 from fcsim.solvers.newton.spaces import FollowingSpace
+from fcsim.solvers.newton.systems.condensed import last_pattern
 from fcsim.solvers.turns import to_the_end
 
 
@@ -31,8 +32,8 @@ def automatic_followed(problem: Followed, r: FloatArray, monitor: Monitor, optio
     local = problem.local
     if isinstance(local.W, DistributedDelassus):
         return _newton(problem, r, monitor, newton_over_ranks(options, warm=bool(np.any(r))))
-    operator, fitting = local.delassus, local.stored()
-    race = Race(fitting, fitting, monitor, options, Prices(fitting, operator.entries, operator.joints), bool(np.any(r)), operator.joints, r)
+    joints, fitting = local.delassus.joints_like(last_pattern(monitor.memory)), local.stored()
+    race = Race(fitting, fitting, monitor, options, Prices.of(fitting, local.delassus, joints), bool(np.any(r)), joints, r)
     if "Newton" in options.without or not newton_first(race):
         return Iterate(r, Status.STAGNATED)
     return _newton(problem, r, monitor, newton_options(race))

@@ -10,7 +10,9 @@ import numpy as np
 from fcsim.solvers.automatic.first import newton_first
 from fcsim.solvers.automatic.race import Race, Stage, run
 from fcsim.solvers.base import Iterate, Monitor, Status
-from fcsim.solvers.memory import Kept
+from fcsim.solvers.memory import Kept, Memory
+from fcsim.solvers.newton.expected import LastVelocities
+from fcsim.solvers.newton.systems.condensed import KeptCondensation
 
 FAILS = (Status.SINGULAR, Status.STAGNATED, Status.DIVERGED)
 NEWTON = "Newton"
@@ -57,6 +59,15 @@ def tried(monitor: Monitor, status: Status, kind: type[Pauses] = Pause) -> None:
     pause = monitor.memory.earlier(kind)
     length = int(kind is Pause) if pause is None else min(max(2 * pause.length, 1), LONGEST_PAUSE)
     monitor.memory = monitor.memory.having(kind(np.empty(0, dtype=np.int64), length=length, left=length))
+
+
+def newton_goes_on(memory: Memory | None) -> bool:
+    """Whether Newton, which has answered the problem before and left what its systems are made of, will most likely begin the next one and
+    answer it: who makes that problem need not make what Newton does not ask for, as the entries of W."""
+    if memory is None or memory.earlier(LastVelocities) is None or memory.earlier(PauseInRace) is not None:
+        return False
+    kept = memory.earlier(KeptCondensation)
+    return kept is not None and kept.pattern is not None
 
 
 def run_with_pauses(race: Race, stages: Sequence[Stage], exhausted: Callable[[Race], bool]) -> Iterate:

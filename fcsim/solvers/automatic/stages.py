@@ -22,7 +22,7 @@ from fcsim.errors import InputError
 from fcsim.problem import LocalProblem
 from fcsim.problem.distributed import DistributedDelassus
 from fcsim.solvers.automatic import methods
-from fcsim.solvers.automatic.closed import closed, faces, held_as_blocks, on_springs, singular_here
+from fcsim.solvers.automatic.closed import closed, elastic_joints, faces, held_as_blocks, on_springs, singular_here
 from fcsim.solvers.automatic.costs import Prices
 from fcsim.solvers.automatic.expected import FAR, at_first, dearer_than_newton, dearer_than_proximal, opening, sweeps_lead_on, swept
 from fcsim.solvers.automatic.first import JOINTS_SHARE, newton_first, proximal_first, splitting_first
@@ -45,6 +45,7 @@ from fcsim.solvers.automatic.over_ranks import automatic_over_ranks
 from fcsim.solvers.automatic.pause import run_with_pauses
 from fcsim.solvers.automatic.race import LITTLE, SLOWING, Race, RaceOptions, Runner, ShareOfMonitor, Stage
 from fcsim.solvers.base import Iterate, Monitor, Status
+from fcsim.solvers.newton.systems.condensed import last_pattern
 from fcsim.solvers.turns import Turns
 
 SWEEPS_BESIDE = 0.1
@@ -140,7 +141,7 @@ def _on_track(race: Race, runner: Runner) -> bool:
 
 
 def _enter_sweeps(race: Race) -> bool:
-    if on_springs(race) and newton_first(race):  # sweeps have not solved one of 300 such problems
+    if newton_first(race) and (on_springs(race) or (race.warm and elastic_joints(race))):  # of 300, of 10 such sweeps solved none
         return race.over("Newton") and race.over("proximal Newton")
     if proximal_first(race):
         return race.over("proximal Newton") or ("proximal Newton" in race.runners and not at_first(race.runners["proximal Newton"]))
@@ -337,11 +338,10 @@ def automatic(problem: LocalProblem, r: FloatArray, monitor: Monitor, options: A
         if iterate.status in (Status.SOLVED, Status.TIME_LIMIT):
             return iterate
         problem, r = problem.whole, iterate.r
-    operator = problem.delassus
+    joints = problem.delassus.joints_like(last_pattern(monitor.memory))
     fitting = problem.stored()
     swept = problem if isinstance(fitting.W, np.ndarray) else fitting  # block rows are made of sparse storage if there is any
-    prices = Prices(fitting, operator.entries, operator.joints)
-    race = Race(fitting, swept, monitor, options, prices, bool(np.any(r)), operator.joints, r)
+    race = Race(fitting, swept, monitor, options, Prices.of(fitting, problem.delassus, joints), bool(np.any(r)), joints, r)
     if monitor.record(r, fitting.W @ r + fitting.q) <= monitor.tol:
         return Iterate(r, Status.SOLVED)
     try:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -110,7 +110,7 @@ def local_turns(
     if monitor.memory is not None and isinstance(system, CondensedSystem | SystemOverRanks | SystemByBodies):
         left, memory = system.left(monitor.memory.identity), monitor.memory.without(_KEEPS[type(system)])
         monitor.memory = memory if left is None else memory.having(left)
-    return iterate
+    return replace(iterate, message=system.said) if isinstance(system, SystemByBodies) else iterate
 
 
 class _Progress:

@@ -1,11 +1,16 @@
 """Paths in the bodies' velocities in one compiled call: what `Regularised.along` does piece by piece with `pieces.InVelocities`.
 
-A piece changes J = M + H K H^T at one contact, by a matrix of low rank, mostly of rank one. With J_k+1 = J_k + p n^T (Sherman, Morrison),
+A piece changes J = M + H K H^T at one contact, by a matrix of low rank, mostly of rank one. With J' = J + p n^T (Sherman, Morrison),
 
-    J_k+1^-1 b = y - g (n . y) / (1 + n . g),    y = J_k^-1 b,    g = J_k^-1 p,
+    J'^-1 b = y - g (n . y) / (1 + n . g),    y = J^-1 b,    g = J^-1 p,
 
-and the determinant turns its sign where 1 + n . g < 0. Where a stiff contact opens that is a difference of nearly equal numbers:
-M dv = H dr is looked at, and what is left of it is solved for again.
+and the determinant turns its sign where 1 + n . g < 0. Along the path (way = 1, or -1 where it folds) velocities change by way e,
+
+    J e = H K w + c,    so that a change K_a + l m^T, p = H_a l, n = H_a m, makes    e' = e + g (m . w_a - n . e) / (1 + n . g) :
+
+one solution a piece. c is what the equations have been left with, H P(z) - H P(z_0) - M V (V: the way so far), over what is left of t:
+where friction turns, z bends. That is looked at, and what is left of J e solved for again, every `period` pieces, where the matrix is
+factored anew, and after a change whose 1 + n . g is a difference of nearly equal numbers, as where a stiff contact opens.
 """
 
 # mypy: allow-untyped-defs, allow-untyped-calls
@@ -14,7 +19,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from fcsim.linear.block_factors._lu_kernels import factorise, sign, solve
+from fcsim.linear.block_factors._lu_kernels import factorise, sign
+from fcsim.linear.block_factors._single_kernels import solve_single, transposed_borders
 from fcsim.solvers.newton.systems._velocity_kernels import add_shares_to_rows
 from fcsim.solvers.proximal._path_kernels import end_of_piece, law, on_its_way
 
@@ -23,14 +29,16 @@ ARRIVED, GIVEN_UP, SINGULAR = 0, 1, 2
 NOTHING = 1e-13
 """Share of rho below which what is left of a contact's change is round-off."""
 SOLVED_AGAIN = 5
-"""How often at most what is left of the equations of motion is solved for again: each time the share of it that round-off made is left."""
+"""How often at most what is left of J e is solved for again: each time the share of it that round-off made is left."""
 LEAST_PIVOT = 1e-9
 """1 + n . g below which the matrix is factored anew."""
+SMALL_PIVOT = 1e-4
+"""1 + n . g below which what is left of J e is looked at."""
 SHORT = 1e-9
 """Length of a piece that is none."""
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def by_ranks(C, least):
     """C (d, d) = sum of p_k n_k^T by elimination with full pivoting, C is overwritten: (their number, p, n); pivots above least count."""
     d = len(C)
@@ -52,170 +60,244 @@ def by_ranks(C, least):
     return d, p, n
 
 
-@njit(cache=True)
-def take_changes(y, columns, n, g, pivots, count):
+@njit(cache=True, nogil=True, fastmath={"contract"})
+def speeds(unknowns, h, v, u):
+    """u (nc, 4) = H^T v of v (n + 1,): h (nc, k, 4), of which d are not 0, for the unknowns (nc, k), n where a contact has fewer."""
+    for a in range(len(unknowns)):
+        u0 = u1 = u2 = u3 = 0.0
+        for j in range(h.shape[1]):
+            speed = v[unknowns[a, j]]
+            u0 += h[a, j, 0] * speed
+            u1 += h[a, j, 1] * speed
+            u2 += h[a, j, 2] * speed
+            u3 += h[a, j, 3] * speed  # zeros, so that the compiler makes vectors
+        u[a, 0], u[a, 1], u[a, 2], u[a, 3] = u0, u1, u2, u3
+
+
+@njit(cache=True, nogil=True, fastmath={"contract"})
+def rates(unknowns, h, normals, e, w, rho, way, status, dz):
+    """Into dz (nc, 3) -rho way (H^T e - w), of open contacts the normal one alone: the others are `carried`."""
+    for a in range(len(unknowns)):
+        factor = -rho[a] * way
+        if status[a] == 0:
+            u0 = 0.0
+            for j in range(normals.shape[1]):
+                u0 += normals[a, j] * e[unknowns[a, j]]
+            dz[a, 0], dz[a, 1], dz[a, 2] = factor * (u0 - w[a, 0]), 0.0, 0.0
+            continue
+        u0 = u1 = u2 = u3 = 0.0
+        for j in range(h.shape[1]):
+            speed = e[unknowns[a, j]]
+            u0 += h[a, j, 0] * speed
+            u1 += h[a, j, 1] * speed
+            u2 += h[a, j, 2] * speed
+            u3 += h[a, j, 3] * speed
+        dz[a, 0], dz[a, 1], dz[a, 2] = factor * (u0 - w[a, 0]), factor * (u1 - w[a, 1]), factor * (u2 - w[a, 2])
+
+
+@njit(cache=True, nogil=True)
+def carried(unknowns, h, a, V, t, w, factor, z):
+    """Add factor (H_a^T V - t w_a) to the tangential z of contact a: while it is open z lacks that, with its rho, from the path's begin."""
+    u1, u2 = -t * w[a, 1], -t * w[a, 2]
+    for j in range(h.shape[1]):
+        u1 += h[a, j, 1] * V[unknowns[a, j]]
+        u2 += h[a, j, 2] * V[unknowns[a, j]]
+    z[a, 1] += factor * u1
+    z[a, 2] += factor * u2
+
+
+@njit(cache=True, nogil=True, fastmath={"contract"})
+def push(unknowns, h, a, f0, f1, f2, b):
+    """Add H_a f of contact a to b (n + 1,)."""
+    for j in range(h.shape[1]):
+        b[unknowns[a, j]] += h[a, j, 0] * f0 + h[a, j, 1] * f1 + h[a, j, 2] * f2
+
+
+@njit(cache=True, nogil=True, fastmath={"contract"})
+def push_times(unknowns, h, status, K, u, factor, b):
+    """Add factor H K u to b (n + 1,) of u (nc, 3) or longer: contacts that are open have no part in it."""
+    for a in range(len(status)):
+        if status[a] != 0:
+            f0 = K[a, 0, 0] * u[a, 0] + K[a, 0, 1] * u[a, 1] + K[a, 0, 2] * u[a, 2]
+            f1 = K[a, 1, 0] * u[a, 0] + K[a, 1, 1] * u[a, 1] + K[a, 1, 2] * u[a, 2]
+            f2 = K[a, 2, 0] * u[a, 0] + K[a, 2, 1] * u[a, 1] + K[a, 2, 2] * u[a, 2]
+            push(unknowns, h, a, factor * f0, factor * f1, factor * f2, b)
+
+
+@njit(cache=True, nogil=True)
+def push_all(unknowns, h, r, b):
+    """Add H r to b (n + 1,), r (nc, 3)."""
+    for a in range(len(r)):
+        if r[a, 0] != 0.0 or r[a, 1] != 0.0 or r[a, 2] != 0.0:
+            push(unknowns, h, a, r[a, 0], r[a, 1], r[a, 2], b)
+
+
+@njit(cache=True, nogil=True, fastmath={"contract"})
+def add_product(mass, v, factor, b):
+    """Add factor M v to b, M by rows."""
+    starts, places, values = mass
+    for i in range(len(starts) - 1):
+        total = 0.0
+        for e in range(starts[i], starts[i + 1]):
+            total += values[e] * v[places[e]]
+        b[i] += factor * total
+
+
+@njit(cache=True, nogil=True, fastmath={"contract", "reassoc"})
+def take_changes(y, changes, count):
     """Make y = J_0^-1 b (n,) J_k^-1 b in place: k = count changes g (k, n), n (k, .) on the unknowns `columns`, pivots 1 + n . g."""
+    columns, n, g, pivots = changes
     for i in range(count):
         total = 0.0
         for j in range(columns.shape[1]):
-            if columns[i, j] < 0:
-                break
             total += n[i, j] * y[columns[i, j]]
         total /= pivots[i]
         if total != 0.0:
             own = g[i]
-            for l in range(len(y)):
+            for l in range(g.shape[1]):
                 y[l] -= total * own[l]
 
 
-@njit(cache=True)
-def change(C, least, unknowns, h, factor, changes, count):
-    """Add C (d, d) at a contact with h (d, k) on the unknowns (k,) to the changes (columns, n, g, pivots): (their number, the sign of
-    their determinant); the number is -1 where there is no room, or a pivot is too small."""
+@njit(cache=True, nogil=True)
+def solved(fronts, changes, count, b, room):
+    """Into the last array of `room` J^-1 b (n + 1,), with the changes since the fronts were factored; returns it."""
+    x, buffer, y = room
+    solve_single(*fronts, b, x, buffer, y)
+    take_changes(y, changes, count)
+    return y
+
+
+@njit(cache=True, nogil=True)
+def change(C, least, unknowns, h, a, w, fronts, changes, count, e, b, room):
+    """Add C (3, 3) at contact a to the changes (columns, n, g, pivots) and to e (n + 1,): (their number, the sign of their determinant, the
+    least 1 + n . g); the number is -1 where there is no room, or a pivot is too small."""
     columns, n, g, pivots = changes
     rank, left, right = by_ranks(C, least)
-    turned = 1
+    turned, smallest, last = 1, np.inf, g.shape[1]
     if count + rank > len(g):
-        return -1, turned
-    b = np.zeros(g.shape[1])
+        return -1, turned, smallest
     for q in range(rank):
         b[:] = 0.0
-        columns[count] = unknowns
-        for j in range(len(unknowns)):
-            if unknowns[j] < 0:
-                break
-            n[count, j] = 0.0
-            for i in range(len(C)):
-                b[unknowns[j]] += h[i, j] * left[q, i]
-                n[count, j] += h[i, j] * right[q, i]
-        y = solve(*factor, 1, b)
-        take_changes(y, columns, n, g, pivots, count)
-        pivot = 1.0
-        for j in range(len(unknowns)):
-            if unknowns[j] < 0:
-                break
-            pivot += n[count, j] * y[unknowns[j]]
+        push(unknowns, h, a, left[q, 0], left[q, 1], left[q, 2], b)
+        y = solved(fronts, changes, count, b, room)
+        pivot, left_out = 1.0, right[q, 0] * w[a, 0] + right[q, 1] * w[a, 1] + right[q, 2] * w[a, 2]
+        for j in range(h.shape[1]):
+            column = unknowns[a, j]
+            value = h[a, j, 0] * right[q, 0] + h[a, j, 1] * right[q, 1] + h[a, j, 2] * right[q, 2]
+            columns[count, j], n[count, j] = column, value
+            pivot += value * y[column]
+            left_out -= value * e[column]
         if not abs(pivot) > LEAST_PIVOT:
-            return -1, turned
-        g[count], pivots[count] = y, pivot
+            return -1, turned, smallest
+        g[count], pivots[count] = y[:last], pivot
+        left_out /= pivot
+        for l in range(last):
+            e[l] += left_out * y[l]
         count += 1
+        smallest = min(smallest, abs(pivot))
         if pivot < 0:
             turned = -turned
-    return count, turned
+    return count, turned, smallest
 
 
-@njit(cache=True)
-def idle(status, r, a):
-    """Whether contact a is open and has nothing left of its reaction, of r (nc, d)."""
-    if status != 0:
-        return False
-    return r[a, 0] == 0.0 and r[a, 1] == 0.0 and (r.shape[1] == 2 or r[a, 2] == 0.0)
-
-
-@njit(cache=True)
-def direction(unknowns, h, mass, K, w, rest, found, status, r, rho, way, factor, changes, count, accuracy, dz, dr):
-    """Along the path: dz, dr (nc, d) of (1 + K W) dr = way (K w + rest (found - r)), dz = -rho (W dr - way w).
-
-    Idle contacts have K = 0 and no part in dr. mass: M by rows. M dv = H dr holds up to accuracy.
-    Long because what is left of that is solved for again with the same loop.
-    """
-    nc, d, k = h.shape
-    starts, places, values = mass
-    columns, n, g, pivots = changes
-    b, dv = np.zeros(len(starts) - 1), np.zeros(len(starts) - 1)
-    for again in range(SOLVED_AGAIN + 2):
-        if again > 0:
-            y = solve(*factor, 1, b)
-            take_changes(y, columns, n, g, pivots, count)
-            for i in range(len(dv)):
-                dv[i] += y[i]
-        for i in range(len(dv)):
-            total = 0.0
-            for e in range(starts[i], starts[i + 1]):
-                total += values[e] * dv[places[e]]
-            b[i] = -total
-        for a in range(nc):
-            u0, u1, u2 = -way * w[a, 0], -way * w[a, 1], -way * w[a, 2] if d == 3 else 0.0
-            for j in range(k if again > 0 else 0):  # dv is zero before: half of what a piece's first look would take
-                if unknowns[a, j] < 0:
-                    break
-                speed = dv[unknowns[a, j]]
-                u0 += h[a, 0, j] * speed
-                u1 += h[a, 1, j] * speed
-                if d == 3:
-                    u2 += h[a, 2, j] * speed
-            dz[a, 0], dz[a, 1] = -rho[a] * u0, -rho[a] * u1
-            if d == 3:
-                dz[a, 2] = -rho[a] * u2
-            if idle(status[a], r, a):
-                for i in range(d):
-                    dr[a, i] = 0.0
-                continue
-            for i in range(d):
-                total = way * rest * (found[a, i] - r[a, i]) - K[a, i, 0] * u0 - K[a, i, 1] * u1
-                dr[a, i] = total - K[a, i, 2] * u2 if d == 3 else total
-            for j in range(k):
-                if unknowns[a, j] < 0:
-                    break
-                total = h[a, 0, j] * dr[a, 0] + h[a, 1, j] * dr[a, 1]
-                b[unknowns[a, j]] += total + h[a, 2, j] * dr[a, 2] if d == 3 else total
+@njit(cache=True, nogil=True)
+def looked_at(unknowns, h, mass, K, w, rest, found, p0, V, status, fronts, changes, count, accuracy, e, b, u, room):
+    """Into e (n + 1,) the solution of J e = H K w + rest (H found - p0 - M V), of which at most accuracy is left."""
+    b[:] = 0.0
+    for i in range(len(e)):
+        b[i] = -rest * p0[i]
+    add_product(mass, V, -rest, b)
+    push_times(unknowns, h, status, K, w, 1.0, b)
+    for a in range(len(status)):
+        if status[a] != 0:
+            push(unknowns, h, a, rest * found[a, 0], rest * found[a, 1], rest * found[a, 2], b)
+    e[:] = 0.0
+    for _ in range(SOLVED_AGAIN + 1):
+        b[len(b) - 1] = 0.0
+        y = solved(fronts, changes, count, b, room)
+        for i in range(len(b) - 1):
+            e[i] += y[i]
+        add_product(mass, y, -1.0, b)
+        speeds(unknowns, h, y, u)
+        push_times(unknowns, h, status, K, u, -1.0, b)
         left = 0.0
-        for i in range(len(b)):
+        for i in range(len(b) - 1):
             left += b[i] * b[i]
         if left <= accuracy * accuracy:
             break
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 def follow_in_velocities(
-    unknowns, h, places, masses, pattern, factor, mass, z, status, w, mu, rho, least, most, turn, back, least_rest, room, accuracy
+    unknowns, h, normals, rows, places, masses, pattern, factor, borders, mass, z, status, w, mu, rho, d, least, most, turn, back,
+    least_rest, room, accuracy, period,
 ):  # fmt: skip
-    """`Regularised.along` from z, status on (nc, d), (nc,) for w (nc, d): (how it ended, pieces, z, r, status), all new.
+    """`Regularised.along` from z, status on (nc, 3), (nc,) for w (nc, 3): (how it ended, pieces, z, H r (n,), status), all new; in 2D
+    (d = 2) the last of three numbers are zeros. r and z are those of the path where it arrives alone.
 
-    unknowns (nc, k), h (nc, d, k), places (nc, k, k): as of `Bodies`; masses: M in the pattern (indptr, indices, mirror) of the bodies'
-    matrix, whose fronts are in `factor`; mass: M by rows (starts, columns, values); least, most: see `on_its_way`; room: changes before
-    the matrix is factored anew; accuracy: what M dv = H dr may be left with.
+    unknowns (nc, k), h (nc, k, 4): as of `speeds`; normals (nc, k): of h; rows (nc, d, k), places (nc, k, k): h and places of `Bodies`;
+    masses: M in the pattern (indptr, indices, mirror) of the bodies' matrix, whose fronts are in `factor`, with their `transposed_borders`;
+    mass: M by rows (starts, columns, values); least, most: see `on_its_way`; room: changes before the matrix is factored anew; accuracy:
+    what J e may be left with; period: pieces after which it is looked at.
     Long because it is one piece from its elimination to the next.
     """
-    nc, d, k = h.shape
-    n, t, pieces, short, count, way, contact = len(mass[0]) - 1, 0.0, 0, 0, -1, 1, -1
-    z, status = z.copy(), status.copy()
-    found, now = law(z, mu, rho, status)
-    r, K, dz, dr = found.copy(), now.copy(), np.empty((nc, d)), np.empty((nc, d))
-    changes = np.empty((room, k), dtype=np.int64), np.empty((room, k)), np.empty((room, n)), np.empty(room)
-    width, border, offsets, values, pivots = factor[5:]
+    nc, n, k = len(status), len(mass[0]) - 1, h.shape[1]
+    t, pieces, short, count, way, contact, since = 0.0, 0, 0, -1, 1, -1, 0
+    z, status, dz, u = z.copy(), status.copy(), np.empty((nc, 3)), np.empty((nc, 4))
+    found, K = law(z, mu, rho, status)
+    changes = np.empty((room, k), dtype=unknowns.dtype), np.empty((room, k)), np.empty((room, n)), np.empty(room)
+    e, V, b, p0 = np.zeros(n + 1), np.zeros(n + 1), np.zeros(n + 1), np.zeros(n + 1)
+    push_all(unknowns, h, found, p0)
+    buffers = np.empty(n), np.empty(n), np.zeros(n + 1)
+    order, first, starts, below, _, width, border, offsets, values, pivots = factor
+    fronts = order, first, starts, below, offsets, values, borders, pivots
     while on_its_way(pieces, least, most, t, short):
         pieces += 1
+        look = since >= period
         if contact >= 0 and count >= 0:
-            C = now[contact] - K[contact]
-            K[contact] = now[contact]
-            count, turned = change(C, NOTHING * rho[contact], unknowns[contact], h[contact], factor, changes, count)
+            _, new = law(z[contact : contact + 1], mu[contact : contact + 1], rho[contact : contact + 1], status[contact : contact + 1])
+            C = new[0] - K[contact]
+            K[contact] = new[0]
+            C[d:], C[:, d:] = 0.0, 0.0
+            count, turned, pivot = change(C, NOTHING * rho[contact], unknowns, h, contact, w, fronts, changes, count, e, b, buffers)
             way *= turned
+            look = look or pivot < SMALL_PIVOT
         else:
             count = -1
         if count < 0:
-            K[:] = now
+            found, K = law(z, mu, rho, status)
             shares = masses.copy()
-            add_shares_to_rows(shares, places, h, K)
+            add_shares_to_rows(shares, places, rows, K)
             if not factorise(*pattern, shares.reshape(-1, 1, 1), *factor):
-                return SINGULAR, pieces, z, r, status
-            count, way = 0, sign(width, border, offsets, values, pivots, 1)
-        direction(
-            unknowns, h, mass, K, w, 1.0 / max(1.0 - t, least_rest), found, status, r, rho, way, factor, changes, count, accuracy, dz, dr
-        )
+                return SINGULAR, pieces, z, V, status
+            transposed_borders(first, starts, offsets, values, borders)
+            count, way, look = 0, sign(width, border, offsets, values, pivots, 1), True
+        if look:
+            found, _ = law(z, mu, rho, status)
+            rest, since = 1.0 / max(1.0 - t, least_rest), 0
+            looked_at(unknowns, h, mass, K, w, rest, found, p0, V, status, fronts, changes, count, accuracy, e, b, u, buffers)
+        since += 1
+        rates(unknowns, h, normals, e, w, rho, way, status, dz)
         length, contact, to = end_of_piece(z, dz, mu, status, turn)
         if way > 0 and t + length >= 1:
-            return ARRIVED, pieces, z + (1 - t) * dz, r + (1 - t) * dr, status
+            V += (1 - t) * e
+            z += (1 - t) * dz
+            for a in range(nc):
+                if status[a] == 0:
+                    carried(unknowns, h, a, V, 1.0, w, -rho[a], z)
+            add_product(mass, V, 1.0, p0)
+            return ARRIVED, pieces, z, p0[:n], status
         t += way * length
         if not back < t < np.inf:
             break
         if length < SHORT:
             short += 1
         for a in range(nc):
-            for i in range(d):
+            for i in range(3):
                 z[a, i] += length * dz[a, i]
-                r[a, i] += length * dr[a, i]
+        V += (length * way) * e
         if contact >= 0:
+            if to == 0 or status[contact] == 0:
+                carried(unknowns, h, contact, V, t, w, rho[contact] if to == 0 else -rho[contact], z)
             status[contact] = to
-        found, now = law(z, mu, rho, status)
-    return GIVEN_UP, pieces, z, r, status
+    return GIVEN_UP, pieces, z, V, status

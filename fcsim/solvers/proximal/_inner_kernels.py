@@ -2,7 +2,7 @@
 
 What `Regularised.newton` does iteration by iteration with `pieces.InVelocities`: with statuses and K of z,
 
-    (M + H K H^T) dv = H (P(z) - r),    dr = P(z) - r - K H^T dv,    r + dr, z - rho H^T dv.
+    (M + H K H^T) dv = H P(z) - p,    p = H r,    p + M dv, z - rho H^T dv.
 """
 
 # mypy: allow-untyped-defs, allow-untyped-calls
@@ -11,80 +11,63 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from fcsim.linear.block_factors._lu_kernels import factorise, solve
+from fcsim.linear.block_factors._lu_kernels import factorise
+from fcsim.linear.block_factors._single_kernels import solve_single, transposed_borders
 from fcsim.solvers.newton.systems._velocity_kernels import add_shares_to_rows
+from fcsim.solvers.proximal._following_kernels import add_product, push_all, speeds
 from fcsim.solvers.proximal._path_kernels import law, statuses
 
 FOUND, NOT_FOUND = 0, 1
 """How `newton_on_pieces` ends."""
 
 
-@njit(cache=True)
-def impulses(unknowns, h, r, n):
-    """H r (n,) of r (nc, d): h (nc, d, k) on the unknowns (nc, k), -1 where a contact has fewer."""
-    nc, d, k = h.shape
-    b = np.zeros(n)
-    for a in range(nc):
-        for i in range(d):
-            f = r[a, i]
-            if f == 0.0:
-                continue
-            for j in range(k):
-                if unknowns[a, j] < 0:
-                    break
-                b[unknowns[a, j]] += f * h[a, i, j]
-    return b
-
-
-@njit(cache=True)
-def velocities(unknowns, h, v):
-    """H^T v (nc, d) of v (n,)."""
-    nc, d, k = h.shape
-    u = np.zeros((nc, d))
-    for a in range(nc):
-        for j in range(k):
-            if unknowns[a, j] < 0:
-                break
-            speed = v[unknowns[a, j]]
-            for i in range(d):
-                u[a, i] += h[a, i, j] * speed
+@njit(cache=True, nogil=True)
+def product(unknowns, h, factor, of_mass, borders_of_mass, p):
+    """W r (nc, 4) of p = H r (n,): the arguments as of `newton_on_pieces`."""
+    n, u = len(p), np.empty((len(unknowns), 4))
+    v, x, buffer = np.zeros(n + 1), np.empty(n), np.empty(n)
+    solve_single(factor[0], factor[1], factor[2], factor[3], factor[7], of_mass[0], borders_of_mass, of_mass[1], p, x, buffer, v)
+    speeds(unknowns, h, v, u)
     return u
 
 
-@njit(cache=True)
-def product(unknowns, h, factor, r):
-    """W r (nc, d) with the factor of M by fronts."""
-    return velocities(unknowns, h, solve(*factor, 1, impulses(unknowns, h, r, len(factor[0]))))
+@njit(cache=True, nogil=True)
+def newton_on_pieces(
+    unknowns, h, _, rows, places, masses, pattern, factor, borders, mass, of_mass, borders_of_mass, z, p, mu, rho, target, runaway, most
+):  # fmt: skip
+    """(how it ended, iterations, P(z) (nc, 3)) from z (nc, 3), p = H r (n,): until ||W (P(z) - r)|| is at most target.
 
-
-@njit(cache=True)
-def newton_on_pieces(unknowns, h, places, masses, pattern, factor, factor_of_mass, z, r, mu, rho, target, runaway, most):
-    """(how it ended, iterations, P(z) (nc, d)) from z, r (nc, d): until ||W (P(z) - r)|| is at most target, for so many iterations.
-
-    unknowns to factor: as of `follow_in_velocities`; runaway: growth of that at which it is given up; most: iterations.
+    unknowns to mass: as of `follow_in_velocities`; of_mass, borders_of_mass: M factored; runaway: growth of that at which it is given up;
+    most: iterations.
     """
-    nc, d = z.shape
-    z, r, first, done = z.copy(), r.copy(), np.inf, 0
+    n = len(p)
+    z, first, done = z.copy(), np.inf, 0
+    b, dv, u, now = np.zeros(n + 1), np.zeros(n + 1), np.empty((len(z), 4)), np.zeros(n + 1)
+    now[:n] = p
+    x, buffer = np.empty(n), np.empty(n)
+    order, begins, starts, below, offsets, values, pivots = factor[0], factor[1], factor[2], factor[3], factor[7], factor[8], factor[9]
     while True:
         found, K = law(z, mu, rho, statuses(z, mu))
-        F = found - r
-        b = impulses(unknowns, h, F, len(factor[0]))
-        rest = np.sqrt(np.sum(velocities(unknowns, h, solve(*factor_of_mass, 1, b)) ** 2))
+        b[:] = 0.0
+        push_all(unknowns, h, found, b)
+        b -= now
+        solve_single(order, begins, starts, below, offsets, of_mass[0], borders_of_mass, of_mass[1], b, x, buffer, dv)
+        speeds(unknowns, h, dv, u)
+        rest = np.sqrt(np.sum(u**2))
         if rest <= target:
             return FOUND, done, found
         first = min(first, rest)
         if done == most or not rest < runaway * first:
             return NOT_FOUND, done, found
         shares = masses.copy()
-        add_shares_to_rows(shares, places, h, K)
+        add_shares_to_rows(shares, places, rows, K)
         if not factorise(*pattern, shares.reshape(-1, 1, 1), *factor):
             return NOT_FOUND, done, found
-        du = velocities(unknowns, h, solve(*factor, 1, b))
-        for a in range(nc):
-            for i in range(d):
-                total = F[a, i]
-                for j in range(d):
-                    total -= K[a, i, j] * du[a, j]
-                r[a, i] += total
-                z[a, i] -= rho[a] * du[a, i]  # not from u anew, of which a last bit is many of z
+        transposed_borders(begins, starts, offsets, values, borders)
+        solve_single(order, begins, starts, below, offsets, values, borders, pivots, b, x, buffer, dv)
+        speeds(unknowns, h, dv, u)
+        add_product(mass, dv, 1.0, now)
+        for a in range(len(z)):
+            for i in range(3):
+                z[a, i] -= rho[a] * u[a, i]  # not from u anew, of which a last bit is many of z
         done += 1

@@ -48,6 +48,18 @@ ACCURACY = 1e-3
 """What the equations of motion may be left with on the way over w as a momentum, both by their norms."""
 
 
+PERIOD = 3
+"""Pieces after which what a path's equations are left with is looked at. 35 hard steps of rigid masonry took 136 000 eliminations with 1
+and 3, 168 000 with 4, 175 000 with 8 (chance is as large), and with 3 0.88 of the time of 1."""
+
+
+def in_space(vectors: FloatArray) -> FloatArray:
+    """Of vectors (nc, d) three numbers each, in 2D the last is zero."""
+    if vectors.shape[1] == 3:
+        return vectors
+    return np.column_stack([vectors, np.zeros(len(vectors))])
+
+
 @dataclass(frozen=True)
 class Regularised:
     """The problem of one centre and alpha: z = c - rho (W r + q); all (nc, d) but rho, mu (nc,)."""
@@ -64,15 +76,16 @@ class Regularised:
 
     def newton(self, z: FloatArray, r: FloatArray, target: float, most: int) -> FloatArray | None:
         """P(z) of the solution to a rest of target, by Newton's method from z = c - rho (W r + q); None after so many iterations. Compiled
-        in the bodies' velocities."""
+        in the bodies' velocities, where r may be given as H r (n,)."""
         if not isinstance(self.pieces, InVelocities):
             return self.newton_by_pieces(z, r, target, most)
         if self.monitor.out_of_time():
             return None
-        least = target * (self.monitor.scale or 1.0)
-        ended, count, found = newton_on_pieces(*self.pieces.eliminated, z, r, self.mu, self.rho, least, RUNAWAY, most)
+        least, p = target * (self.monitor.scale or 1.0), self.pieces.impulses(r) if r.ndim > 1 else r
+        given = *self.pieces.arrays, *self.pieces.mass, in_space(z), p
+        ended, count, found = newton_on_pieces(*given, self.mu, self.rho, least, RUNAWAY, most)
         self.monitor.iterations += count
-        return found if ended == FOUND else None
+        return found[:, : z.shape[1]] if ended == FOUND else None
 
     def newton_by_pieces(self, z: FloatArray, r: FloatArray, target: float, most: int) -> FloatArray | None:
         """`newton` by the pieces, whatever they are."""
@@ -116,16 +129,18 @@ class Regularised:
         self, z: FloatArray, status: IntArray, w: FloatArray, least: int, most: int
     ) -> tuple[FloatArray, FloatArray, IntArray] | None:
         """(z, r, statuses) at the end of the path from a solution for q + w, with z there and its statuses; None where that is not met
-        within `least` pieces, `most` where the path is on its way (`on_its_way`), or is lost. Compiled in the bodies' velocities."""
+        within `least` pieces, `most` where the path is on its way (`on_its_way`), or is lost. Compiled in the bodies' velocities, where
+        H r (n,) stands for r."""
         pieces = self.pieces
         if not isinstance(pieces, InVelocities):
             return self.along(z, status, w, least, most)
         accuracy = ACCURACY * pieces.mean_mass * float(np.linalg.norm(w))
-        ended, count, z, r, status = follow_in_velocities(
-            *pieces.arrays, z, status, w, self.mu, self.rho, least, most, TURN, BACK, LEAST_REST, ROOM, accuracy
+        limits = least, most, TURN, BACK, LEAST_REST, ROOM, accuracy, PERIOD
+        ended, count, end, p, status = follow_in_velocities(
+            *pieces.arrays, in_space(z), status, in_space(w), self.mu, self.rho, z.shape[1], *limits
         )
         self.monitor.iterations += count
-        return (z, r, status) if ended == ARRIVED else None
+        return (end[:, : z.shape[1]], p, status) if ended == ARRIVED else None
 
     def along(
         self, z: FloatArray, status: IntArray, w: FloatArray, least: int, most: int

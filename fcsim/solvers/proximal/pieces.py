@@ -6,23 +6,38 @@ Source: W. W. Hager, SIAM Review 31, 1989 (the inverse of a matrix that was chan
 from __future__ import annotations
 
 from functools import cached_property
-from typing import Protocol, cast
+from typing import NamedTuple, Protocol, cast
 
 import numpy as np
 import scipy.sparse as sp
+from numpy.typing import NDArray
 
 from fcsim.arrays import FloatArray, IntArray
 from fcsim.linear.block_factors._lu_kernels import factorise
+from fcsim.linear.block_factors._single_kernels import transposed_borders
 from fcsim.linear.factors import DenseLU, SingularMatrix
 from fcsim.problem import Delassus
 from fcsim.solvers.newton.systems.choice import eliminated_in_velocities
 from fcsim.solvers.newton.systems.velocity import bodies_of
 from fcsim.solvers.proximal._inner_kernels import product
 
-Arrays = tuple[
-    IntArray, FloatArray, IntArray, FloatArray, tuple[IntArray, ...], tuple[FloatArray | IntArray, ...], tuple[IntArray | FloatArray, ...]
-]
-"""unknowns, h, places, M in the pattern, the pattern, the fronts' arrays, M by rows: see `follow_in_velocities`."""
+Fronts = tuple[IntArray, FloatArray, IntArray, FloatArray, tuple[IntArray, ...], tuple[FloatArray | IntArray, ...]]
+"""unknowns, h, places, M in the pattern, the pattern, the fronts' arrays: as of `Bodies.fronts`."""
+
+
+class Arrays(NamedTuple):
+    """What `follow_in_velocities` and `newton_on_pieces` read of bodies and contacts, in their order, and where they put their factors."""
+
+    unknowns: NDArray[np.uint64]
+    h: FloatArray
+    normals: FloatArray
+    rows: FloatArray
+    places: IntArray
+    masses: FloatArray
+    pattern: tuple[IntArray, ...]
+    factor: tuple[FloatArray | IntArray, ...]
+    borders: FloatArray
+    mass: tuple[IntArray | FloatArray, ...]
 
 
 class Pieces(Protocol):
@@ -74,19 +89,31 @@ class InVelocities:
         self.mean_mass = float(self._mass.diagonal().mean())
 
     @cached_property
-    def arrays(self) -> tuple[object, ...]:
+    def arrays(self) -> Arrays:
         """What paths read that are followed in one compiled call, and where they put their factors: see `follow_in_velocities`."""
         mass = self._mass.indptr, self._mass.indices, self._mass.data
-        return *self._bodies.fronts(self._mass), mass
+        unknowns, rows, places, masses, pattern, factor = cast(Fronts, self._bodies.fronts(self._mass))
+        touched = np.where(unknowns < 0, len(mass[0]) - 1, unknowns).astype(np.uint64)
+        h = np.zeros((len(rows), rows.shape[2], 4))
+        h[:, :, : rows.shape[1]] = rows.transpose(0, 2, 1)
+        borders = np.empty(int(np.diff(factor[1]) @ np.diff(factor[2])))
+        return Arrays(touched, h, h[:, :, 0].copy(), rows, places, masses, pattern, factor, borders, mass)
 
     @cached_property
-    def eliminated(self) -> tuple[object, ...]:
-        """What Newton's method reads in one compiled call, where it puts its factors, and the factor of M: see `newton_on_pieces`."""
-        unknowns, h, places, masses, pattern, factor, _ = cast(Arrays, self.arrays)
-        of_mass = *factor[:8], np.empty_like(factor[8]), np.empty_like(factor[9])
-        if not factorise(*pattern, masses.reshape(-1, 1, 1), *of_mass):
+    def mass(self) -> tuple[tuple[FloatArray, IntArray], FloatArray]:
+        """M factored for `newton_on_pieces`: the fronts' (values, pivots), and their `transposed_borders`."""
+        arrays, factor = self.arrays, self.arrays.factor
+        values, pivots = np.empty(len(factor[8])), np.empty(len(factor[9]), dtype=np.int64)
+        if not factorise(*arrays.pattern, arrays.masses.reshape(-1, 1, 1), *factor[:8], values, pivots):
             raise SingularMatrix("the bodies' M is singular")
-        return unknowns, h, places, masses, pattern, factor, of_mass
+        borders_of_mass = np.empty_like(arrays.borders)
+        transposed_borders(factor[1], factor[2], factor[7], values, borders_of_mass)
+        return (values, pivots), borders_of_mass
+
+    def impulses(self, r: FloatArray) -> FloatArray:
+        """H r (n,) of r (nc, d)."""
+        found: FloatArray = self._bodies.H @ r.ravel()
+        return found
 
     def factor(self, K: FloatArray) -> None:
         self.K, self._before = K.copy(), K
@@ -127,9 +154,9 @@ class InVelocities:
         return rhs - np.einsum("aij,aj->ai", self.K, Wdr), Wdr
 
     def product(self, r: FloatArray) -> FloatArray:
-        unknowns, h, _, _, _, _, of_mass = self.eliminated
-        found: FloatArray = product(unknowns, h, of_mass, r)
-        return found
+        arrays = self.arrays
+        d, (of_mass, borders) = self._shape[1], self.mass
+        return product(arrays.unknowns, arrays.h, arrays.factor, of_mass, borders, self.impulses(r))[:, :d]
 
 
 class InReactions:

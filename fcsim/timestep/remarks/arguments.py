@@ -31,17 +31,35 @@ def refuse_arguments(simulation: object, model: object, detector: object, scheme
     """InputError where a model, detector or scheme of a simulation is none, or another field none of its kind."""
     if not isinstance(model, Model):
         raise InputError(f"Simulation, model: expected what build_model(...) returns, got {type(model).__name__}")
-    if not (callable(detector) and hasattr(detector, "nodes")):
+    if isinstance(detector, type) or not (callable(detector) and hasattr(detector, "nodes")):
         raise InputError(
             "Simulation, detector: expected where bodies may touch, Everything(model, mu=0.5) or Detector([SurfacePair(...)], "
-            f"model.n_nodes), got {type(detector).__name__}"
+            f"model.n_nodes), got {f'the class {detector.__name__}' if isinstance(detector, type) else type(detector).__name__}"
         )
+    _refuse_detector_of_others(detector, model)
     refuse_endless(np.array(coefficients(detector)))
     if not hasattr(scheme, "timing"):
         raise InputError(f"Simulation, scheme: expected one as Theta(h=1e-3), QuasiStatic(h=0.1) or GeneralisedAlpha(...), got {scheme!r}")
     for name, kinds in _KINDS.items():
         if not isinstance(value := getattr(simulation, name), kinds):
             raise InputError(f"Simulation, {name}: expected {kinds[0].__name__}(...), got {shown(value)}")
+
+
+def _refuse_detector_of_others(detector: object, model: Model) -> None:
+    """InputError where a detector was made of a model of other bodies, or of the same in another order: its friction, and which facets are
+    whose, go by their numbers. One of another placement of the same bodies is as good."""
+    while (within := getattr(detector, "detection", None)) is not None:  # what cables and links without contact are put around
+        detector = within
+    of = getattr(detector, "model", None)
+    if not isinstance(of, Model) or of is model:
+        return
+    theirs, ours = ([(body.name, int(n)) for body, n in zip(m.bodies, np.diff(m.node_offset), strict=True)] for m in (of, model))
+    if theirs != ours:
+        k = next((k for k, (one, other) in enumerate(zip(theirs, ours, strict=False)) if one != other), min(len(theirs), len(ours)))
+        one, other = (f"{b[k][0]!r} of {b[k][1]} points" if k < len(b) else "none" for b in (ours, theirs))
+        raise InputError(
+            f"Simulation, detector: expected one of the simulation's model, got one of another: body {k} is {one}, there {other}"
+        )
 
 
 def whole_number(name: str, value: object, largest: float = float("inf")) -> int:

@@ -18,12 +18,13 @@ from fcsim.timestep.remarks.falling import falling
 from fcsim.timestep.remarks.locked_joints import locked_joints
 from fcsim.timestep.remarks.over_time.lost_pulses import lost_pulses
 from fcsim.timestep.remarks.over_time.undersampled import undersampled
-from fcsim.timestep.remarks.pieces import torn_meshes
+from fcsim.timestep.remarks.pieces import hanging_nodes, torn_meshes
 from fcsim.timestep.remarks.unlikely import (
     diagonal_pull,
     fast_turning,
     growing,
     inertia_of_no_body,
+    long_arms,
     restitution_of_points,
     soft_or_stiff,
     steep_friction,
@@ -65,7 +66,7 @@ def opening_remarks(
     found.append(lost_pulses(model, scheme, state.t, steps))
     found += [restitution_of_points(model, scheme), growing(model, scheme, linked)]
     found.append(soft_or_stiff(model, gravity, EARTH[0] <= float(np.linalg.norm(gravity)) <= EARTH[1]))
-    found += [torn_meshes(model), inertia_of_no_body(model)]
+    found += [torn_meshes(model), hanging_nodes(model), inertia_of_no_body(model), long_arms(model, scheme)]
     if linkage is not None:
         found.append(locked_joints(model, linkage, detector, positions))
     if not linked and not upwards:

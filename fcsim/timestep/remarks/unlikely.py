@@ -11,8 +11,9 @@ from fcsim.arrays import FloatArray
 from fcsim.assembly.model import Model
 from fcsim.assembly.supports import DrivenRotation, Support
 from fcsim.contact_detection import Detection, Detector
-from fcsim.contact_law import Velocity
-from fcsim.mesh.part import Body
+from fcsim.contact_law import Rolling, Spinning, Velocity
+from fcsim.mesh.part import Body, RigidBody
+from fcsim.timestep.remarks.of_laws.known_laws import single_laws
 from fcsim.timestep.scheme import Scheme
 
 STEEP = 3.0
@@ -87,6 +88,31 @@ def soft_or_stiff(model: Model, gravity: FloatArray, on_earth: bool) -> Iterator
             return
 
 
+def long_arms(model: Model, scheme: Scheme) -> Iterator[str]:
+    """Resistances to rolling and spinning [m] beyond half of what is thinnest of every body that may turn: a body of radius R rests at its
+    lever arm mu_r on slopes up to mu_r / R, so that it turns on none."""
+    held, extents = _cannot_turn(model), model.extents
+    shapes = [body.shape if isinstance(body, RigidBody) else None for body in model.bodies]
+    half = [0.5 * extents[k] if shape is None else shape.radius for k, shape in enumerate(shapes) if not held[k]]
+    radius = float(max((least for least in half if np.isfinite(least)), default=np.inf))
+    for law in single_laws(scheme.law):
+        if isinstance(law, Rolling | Spinning) and law.resistance > radius:
+            name = type(law).__name__
+            yield (
+                f"{name}({law.resistance:g}) is a lever arm in m, longer than the radius of any body that can turn, {radius:.3g} m: none "
+                f"turns against it. Is it a ratio of arm and radius? {name} takes the ratio times the radius"
+            )
+            return
+
+
+def _cannot_turn(model: Model) -> list[bool]:
+    """Of each body, whether it is no rigid one or supports drive all that turns it."""
+    turns = np.ones(model.n_dofs, dtype=bool)
+    turns[model.driven_dofs] = False
+    ranges = zip(model.bodies, model.dof_offset, model.dof_offset[1:], strict=False)
+    return [isinstance(body, Body) or not turns[begin + model.dimension : end].any() for body, begin, end in ranges]
+
+
 def _moduli(material: object) -> tuple[float, ...]:
     """Young's moduli > 0 that a material says it has: one, or one along each of its axes."""
     E = getattr(material, "E", None)
@@ -101,9 +127,9 @@ def _height(body: Body, down: FloatArray) -> float:
 def inertia_of_no_body(model: Model) -> Iterator[str]:
     """Inertias [kg m^2] of rigid bodies that turn which no masses within the body have: the sum of m r^2 is half the trace (in the plane
     the inertia itself), at most m R^2, R to the farthest point; of the principal moments none is more than the two others together."""
+    held = _cannot_turn(model)
     for number, body in enumerate(model.bodies):
-        turning = np.arange(*model.dof_offset[number : number + 2])[model.dimension :]
-        if isinstance(body, Body) or body.shape is not None or not len(body.points) or np.isin(turning, model.driven_dofs).all():
+        if isinstance(body, Body) or held[number] or body.shape is not None or not len(body.points):
             continue
         moments = np.linalg.eigvalsh(body.inertia)
         R = float(np.linalg.norm(body.points - body.centre, axis=1).max())

@@ -13,7 +13,9 @@ from fcsim.errors import Unphysical
 from fcsim.problem import GlobalProblem
 from fcsim.problem.reduction import Reduction
 from fcsim.problem.rolling import GlobalRollingProblem, RollingReduction
-from fcsim.solvers import Method, method
+from fcsim.solvers import Memory, Method, method
+from fcsim.solvers.automatic.pause import newton_goes_on
+from fcsim.solvers.automatic.stages import AutomaticOptions
 from fcsim.solvers.newton.options import NewtonOptions
 from fcsim.timestep.chain import MET, Attempt, Clock, SolverSettings, solve_chain, solve_rolling_chain
 from fcsim.timestep.encounter import Encounter
@@ -55,7 +57,8 @@ def _solved(
 ) -> tuple[Answer | None, Past]:
     """`solve_equation` without what it keeps of the motion."""
     elastic, lead = equation.elastic, past.lead
-    compliance = _beginning(equation, method(settings.name), first=not lead.steps)
+    newton = _newton_begins(lead.solver if lead.steps else settings.name, past.serving)
+    compliance = _beginning(equation, method(settings.name), first=not lead.steps, late=newton)
     term, mixing, start, r = elastic.term(elastic.first) - elastic.push(elastic.first), Mixing(), None, np.empty(0)
     for _ in range(MAX_ITERATIONS):
         load = equation.rest - term
@@ -66,8 +69,7 @@ def _solved(
         first = len(attempts)
         if start is None:
             enough = tol * max(float(np.linalg.norm(reduction.q)), settings.least_motion)
-            begins = method(lead.solver if lead.steps else settings.name)
-            start = r = _start(reduction, rolling, equation.met, past.reactions, enough, isinstance(begins.options, NewtonOptions))
+            start = r = _start(reduction, rolling, equation.met, past.reactions, enough, newton)
             clock.lap("assembly")  # W, which may have been summed beside what a start needs
             if isinstance(problem, GlobalProblem) and not lead.steps and follows(settings, elastic):
                 followed = FollowedLoad(equation, problem, reduction, load)
@@ -118,13 +120,19 @@ def _explain(attempts: list[Attempt], equation: Equation, problem: GlobalProblem
         attempts[-1] = replace(attempts[-1], why=unanswered(reduction.local, equation.met.contacts, equation.model))
 
 
-def _beginning(equation: Equation, chosen: Method, *, first: bool) -> StepCompliance | LinkedCompliance:
-    """The equation's compliance, which begins to sum W as the chosen method takes it; first: whether that is the one that begins."""
+def _newton_begins(name: str, serving: Memory | None) -> bool:
+    """Whether the method that begins is Newton's, be it by name or as the stage of `auto` that answered the problem before."""
+    options = method(name).options
+    return isinstance(options, NewtonOptions) or (isinstance(options, AutomaticOptions) and newton_goes_on(serving))
+
+
+def _beginning(equation: Equation, chosen: Method, *, first: bool, late: bool) -> StepCompliance | LinkedCompliance:
+    """The equation's compliance, which begins to sum W as the chosen method takes it; first: whether that is the one that begins; late:
+    whether that is Newton's, which reads entries seldom."""
     compliance = equation.compliance
     if not isinstance(compliance, StepCompliance) or equation.met.moments is not None or not len(equation.met.contacts):
         return compliance
     together = chosen.over_ranks_from if chosen.over_ranks and first else np.inf
-    late = isinstance(chosen.options, NewtonOptions)
     taken = replace(compliance, over_ranks_from=together, over_ranks_elastic=chosen.over_ranks_elastic, late=late)
     return taken.beginning(equation.H, equation.model.dimension)
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from fcsim.collection import Built, build_collection, read_manifest
+from fcsim.collection import Built, build_collection, check_collection, read_manifest
 from fcsim.collection.manifest import AT_REST
 from fcsim.command_line.main import main
 from fcsim.errors import InputError, MissingDependency
@@ -205,6 +205,18 @@ def test_refusals(built: Built, run: Callable[..., Path], tmp_path: Path) -> Non
         build_collection(directory, tmp_path / "mine", overwrite=True)
     assert (tmp_path / "mine" / "thesis.tex").read_text() == "years of work"
     assert not (tmp_path / "out").exists() and not list(tmp_path.glob(".*"))
+
+
+def test_a_case_is_named_within_the_collection(case_folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A case that comes with fcsim stands with fcsim, not in the working directory, which may be the collection's and stays where it is."""
+    monkeypatch.setattr("fcsim.running.known_cases.PLACES", (tmp_path,))
+    (here := tmp_path / "here").mkdir()
+    monkeypatch.chdir(here)
+    for overwrite in (False, True):
+        built = build_collection(case_folder.name, ".", assignments={"steps": "3"}, pictures=False, every=3, overwrite=overwrite)
+        assert len(built.entries) == 2 and here.samefile(".")
+        assert not any(row.failures for row in check_collection(here)) and (here / "manifest.csv").is_file()
+    assert not list(tmp_path.glob(".*"))
 
 
 def test_whole_or_not_at_all(run: Callable[..., Path], copy: Path, case_folder: Path, tmp_path: Path) -> None:

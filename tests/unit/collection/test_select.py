@@ -57,6 +57,13 @@ def test_problems_without_a_delassus_operator_are_left_out(tmp_path: Path) -> No
     assert any(note.startswith("b: left out, R of 1 equality constraints is singular") for note in selection.notes)
 
 
+def test_a_grade_that_most_problems_share_is_told(tmp_path: Path) -> None:
+    for step, iterations in enumerate((3, 500, 600), 1):
+        write(tmp_path / "set" / f"a-i00000-1-0000{step}.hdf5", one_contact(iterations))
+    selection = select_problems(tmp_path / "set", tmp_path / "out", count=3, solver="MADE-UP")
+    assert any(note.startswith("2 of 3 problems are left unsolved by MADE-UP") for note in selection.notes)
+
+
 def test_graded(tmp_path: Path) -> None:
     """Steps 1 to 40 with 2, 20 and 200 iterations in turn, one unsolved: the choice, the names, the rows."""
     taken = {step: (2, 20, 200)[step % 3] for step in range(1, 41)} | {17: 500}

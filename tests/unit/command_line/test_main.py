@@ -40,6 +40,17 @@ def problem_file(case_folder: Path, tmp_path: Path, kept: Path) -> Path:
     return next((tmp_path / "exported" / "fclib" / "global").iterdir())
 
 
+def test_where_nothing_can_be_written_is_told_before_anything_is_computed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Analyses and pages were computed first, and lost. A test runs as root, whom permissions do not hold."""
+    monkeypatch.setattr("os.access", lambda path, mode: Path(path) != tmp_path)
+    analyses = ("limit m.json --out", "push m.json --export", "info m.json --draw", "atlas --out")
+    for command in (*analyses, "compare a b --page", "profile r --out"):
+        assert main([*command.split(), str(tmp_path / "not" / "there.obj")]) == 2
+        assert f"there.obj: expected a place that can be written to, {tmp_path} cannot" in capsys.readouterr().err
+
+
 def test_run_with_options(case_folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "out"
     arguments = ["--steps", "4", "--set", "E=3e7", "--set", "size=0.2,0.2,0.2", "--solver", "NSGS-AC", "--tol", "1e-6"]

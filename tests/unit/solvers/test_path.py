@@ -160,7 +160,8 @@ def test_the_end_of_a_path_solves_the_regularised_problem(kind: type[Pieces]) ->
 
 @pytest.mark.parametrize(("d", "changes"), [(2, 8), (2, 0), (3, 0)])
 def test_the_compiled_path_is_that_of_the_pieces(d: int, changes: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Through folds; the last bits differ, and in 3D how old the sliding contacts' directions are, but where no changes are kept."""
+    """Through folds; the last bits differ, and in 3D how old the sliding contacts' directions are, but where no changes are kept. In 2D
+    nothing bends, so that it does not matter how seldom what is left is looked at."""
     monkeypatch.setattr(path_module, "ROOM", changes)
     monkeypatch.setattr(pieces_module, "MOST_CHANGED", changes)
     monkeypatch.setattr(path_module, "ACCURACY", 1e-12)
@@ -182,7 +183,8 @@ def test_the_compiled_path_is_that_of_the_pieces(d: int, changes: int, monkeypat
         assert (ends[0] is None) == (ends[1] is None)
         if ends[0] is not None and ends[1] is not None:
             assert_allclose(ends[1][0], ends[0][0], rtol=1e-6, atol=1e-6)
-            assert_allclose(ends[1][1], ends[0][1], rtol=1e-6, atol=1e-6)
+            assert isinstance(inner.pieces, InVelocities)
+            assert_allclose(ends[1][1], inner.pieces.impulses(ends[0][1]), rtol=1e-6, atol=1e-6)
             reached += 1
             pieces.append(counts[0])
     assert reached >= 6 and max(pieces) > 20  # some contacts change twice

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from fcsim.arrays import FloatArray
+from fcsim.linear import joints
+from fcsim.linear.elimination_tree import EliminationTree
 from fcsim.linear.late.late_rows import source_of
 from fcsim.problem.bodies.late import LateSum
+from fcsim.problem.delassus_sum import DelassusSum
 from fcsim.running.case import load_case
 from fcsim.running.parameters import parse_parameters
 from fcsim.solvers.base import Status
@@ -32,6 +36,31 @@ def test_entries_are_summed_for_a_factor_alone(monkeypatch: pytest.MonkeyPatch) 
         assert step.result.status is Status.SOLVED
         number = step.number + 1
     assert sums == [2]
+
+
+def test_auto_sums_entries_no_more_often(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Once Newton's method has answered a step as a stage of `auto` it goes on by products, too: W is summed from zero alone, and the
+    pattern of its contacts is analysed once."""
+    sums: list[int] = []
+    trees: list[int] = []
+    add, analysed, number = DelassusSum.add, joints.elimination_tree, 1
+
+    def added(W: DelassusSum, *given: Any, **named: Any) -> None:
+        sums.append(number)
+        add(W, *given, **named)
+
+    def tree(*given: Any) -> EliminationTree:
+        trees.append(number)
+        return analysed(*given)
+
+    monkeypatch.setattr(DelassusSum, "add", added)
+    monkeypatch.setattr(joints, "elimination_tree", tree)
+    script = load_case(WALL)
+    case = script.build(parse_parameters(script, {"steps": "4", "solver": "auto"}))
+    for step in case.simulation:
+        assert step.result.status is Status.SOLVED
+        number = step.number + 1
+    assert max(sums) == max(trees) == 2
 
 
 def test_what_preconditions_has_the_shares_that_w_is_made_of() -> None:

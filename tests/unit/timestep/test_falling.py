@@ -10,10 +10,11 @@ from scipy.spatial.transform import Rotation
 from fcsim.assembly.model import build_model
 from fcsim.assembly.supports import DrivenRotation, Support
 from fcsim.contact_detection import Everything
-from fcsim.mesh.blocks import brick, rigid_box, rigid_rectangle
+from fcsim.mesh.blocks import brick, rectangle, rigid_box, rigid_rectangle
 from fcsim.mesh.material import Material
 from fcsim.mesh.part import Body, Part
 from fcsim.mesh.solids.rigid_polygon import rigid_polygon
+from fcsim.timestep.remarks.pieces import hanging_nodes
 from fcsim.timestep.simulation import Simulation
 from fcsim.timestep.state import State, at_rest
 from fcsim.timestep.theta import Theta
@@ -112,6 +113,35 @@ def test_a_body_that_is_alone_falls_for_ever() -> None:
     assert "body 'box' is alone, and no support holds it: it falls for ever. Is the floor forgotten" in alone
     thrown = State(0.0, at_rest(model).x, np.ones(6))
     assert Simulation(model, Everything(model, 0.5), Theta(1e-3), 5)._opening(thrown) == ()
+
+
+@pytest.mark.parametrize("unit", [1e-6, 1.0])
+@pytest.mark.parametrize("d", [2, 3])
+def test_nodes_that_hang_on_coarser_cells_are_named(d: int, unit: float) -> None:
+    """One cell beside 2^(d-1) small ones: in space they have nine nodes on its face, four in its corners, in the plane three and two. A
+    slit, whose sides have nodes of their own in the same places, is meant."""
+    material, kind = Material(1e9, 0.2, 1000.0), {2: "quadrilateral", 3: "hexahedron"}[d]
+
+    def cells(n: int) -> Part:
+        counts = (1, *(n,) * (d - 1))
+        return brick("p", (1, 1, 1), counts, material) if d == 3 else rectangle("p", (1, 1), (1, n), material)
+
+    def told(beside: Part, slit: bool = False) -> tuple[str, ...]:
+        coarse = cells(1)
+        points = np.vstack([coarse.points, beside.points + np.eye(d)[0]])
+        _, first, number = np.unique(points, axis=0, return_index=True, return_inverse=True)
+        both = number.reshape(-1)[np.vstack([coarse.cells, beside.cells + len(coarse.points)])]
+        points = points[first]
+        if slit:
+            common = np.intersect1d(both[0], both[1])[0]
+            both[0][both[0] == common] = len(points)
+            points = np.vstack([points, points[common]])
+        return tuple(hanging_nodes(build_model([Body("stone", Part("stone", unit * points, both, kind, {}, material))])))
+
+    (said,) = told(cells(2))
+    count = 3 ** (d - 1) - 2 ** (d - 1)
+    assert said.startswith(f"{count} nodes of the mesh of part 'stone' lie on faces of cells that do not have them, as (")
+    assert told(cells(1)) == told(cells(1), slit=True) == ()
 
 
 @pytest.mark.parametrize("unit", [1e-6, 1.0])

@@ -7,6 +7,7 @@ import pytest
 
 from fcsim import Body, Everything, Gap, GeneralisedAlpha, Material, QuasiStatic, Rolling, Simulation, Support, Theta, Velocity, build_model
 from fcsim.errors import InputError
+from fcsim.linkage import without_contact_of
 from fcsim.mesh import brick, rigid_box
 from fcsim.timestep.state import State
 
@@ -67,3 +68,17 @@ def test_theta_below_one_half_is_said_to_let_vibrations_grow() -> None:
     for quiet in (Theta(h, 0.5), Theta(h, 1.0), GeneralisedAlpha(h, 0.5)):
         remarks = next(iter(Simulation(model, Everything(model, mu=0.0), quiet, 1))).remarks
         assert not any("vibrations grow" in remark for remark in remarks)
+
+
+def test_a_detector_of_other_bodies_is_refused() -> None:
+    """Its friction and facets go by the bodies' numbers; the same bodies elsewhere will do."""
+    one, two = (rigid_box(name, (0.1, 0.1, 0.1), (k, 0, 0), 1.0) for k, name in enumerate(("one", "two")))
+    moved = rigid_box("two", (0.1, 0.1, 0.1), (3, 0, 0), 1.0)
+    detector = Everything(build_model([one, two]), {("one", "*"): 0.3, ("*", "*"): 0.6})
+    wrapped = without_contact_of(detector, detector.model, [("one", "two")])
+    for found in (detector, wrapped):
+        with pytest.raises(InputError, match="got one of another: body 0 is 'two' of 8 points, there 'one' of 8 points"):
+            Simulation(build_model([two, one]), found, Theta(1e-3), 1)
+        with pytest.raises(InputError, match="body 1 is none, there 'two'"):
+            Simulation(build_model([one]), found, Theta(1e-3), 1)
+    Simulation(build_model([one, moved]), wrapped, Theta(1e-3), 1)

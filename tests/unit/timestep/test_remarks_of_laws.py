@@ -10,10 +10,13 @@ import pytest
 
 from fcsim import (
     Cohesive,
+    Compliant,
     Detector,
     ExactContacts,
     Gap,
+    Rolling,
     Simulation,
+    Spinning,
     State,
     Support,
     SurfacePair,
@@ -23,6 +26,7 @@ from fcsim import (
     contact_surface,
 )
 from fcsim.contact_law import Springs
+from fcsim.errors import Penetration
 from fcsim.mesh import rigid_box, rigid_capsule, rigid_plane, rigid_sphere
 
 HELD = ("x", "y", "z", "rx", "ry", "rz")
@@ -113,3 +117,27 @@ def test_rigid_bodies_bonded_on_four_points_are_named_where_their_strength_depen
     assert "4 points" in said
     for law in ({}, {"shear": 0.5e4}, {"shear": 1.5e4, "springs": Springs(normal=1e10, tangential=1e10)}):
         assert not _said(_bonded(**law), "are bonded"), law
+
+
+def _ball(law: Any) -> Simulation:
+    """A ball of 8 kg and R = 0.1 m on a plane, pushed along it by 0.3 g."""
+    bodies = [rigid_plane("floor", (0, 0, 0), (0, 0, 1)), rigid_sphere("ball", 0.1, (0.0, 0.0, 0.1), 8.0)]
+    model = build_model(bodies, supports=[Support("floor", HELD)], gravity=lambda t: (0.3 * 9.81, 0.0, -9.81))
+    return Simulation(model, ExactContacts(model, 0.5), Theta(1e-2, 0.5, law), 10)
+
+
+@pytest.mark.parametrize(("arm", "told"), [(10.0, 1), (0.11, 1), (0.02, 0), (0.0, 0)])
+@pytest.mark.parametrize("law", [Rolling, Spinning])
+def test_a_lever_arm_longer_than_what_turns_is_said(law: Any, arm: float, told: int) -> None:
+    """A resistance of 0.2 R is that of a car on sand; one above R holds the ball on a slope of 45 degrees, whatever mu lets."""
+    said = _said(_ball(law(arm)), "lever arm in m")
+    assert len(said) == told
+    assert all(
+        f"{law.__name__}({arm:g}) is a lever arm in m, longer than the radius of any body that can turn, 0.1 m" in text for text in said
+    )
+
+
+def test_springs_too_soft_are_named_where_they_end_a_run() -> None:
+    """k = 100 N/m under 78 N: the ball would come to rest 0.78 m below the floor's surface, four times its diameter."""
+    with pytest.raises(Penetration, match="The springs of the contact law are too soft for what presses on them, or contacts were missed"):
+        list(_ball(Compliant(Springs(normal=100.0, tangential=100.0, each=True))))

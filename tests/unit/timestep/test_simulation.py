@@ -167,6 +167,15 @@ def test_a_step_is_a_function_of_its_state() -> None:
         assert_array_equal(one.result.r, other.result.r)
 
 
+def test_a_script_cannot_write_into_what_the_next_step_is_made_of() -> None:
+    """The pattern of H is that of the steps to come: a script that changed it changed these, on one rank those of all."""
+    for step in press(steps=2):
+        assert step.H.nnz and abs(step.H - step.encounter.H).max() == 0
+        for values in (step.H.data, step.H.indices, step.H.indptr):
+            with pytest.raises(ValueError, match="read-only"):
+                values[0] = 7
+
+
 def test_steps_leave_nothing_to_the_collector_of_cycles() -> None:
     """A step that is in a circle of references stays until Python looks for circles, which it does ever less often in a long run."""
     steps = iter(press(steps=12))
@@ -299,6 +308,8 @@ def test_forces_on_bodies_come_from_the_reactions() -> None:
         total += force
     assert np.abs(nodal).max() > 1
     assert_allclose(total, 0, atol=1e-9 * np.abs(nodal).max())
+    for number, body in enumerate(model.bodies):  # a name was taken for a number that no contact has: the force was zero
+        assert_array_equal(step.contact_force_on(body.name), step.contact_force_on(number))
 
 
 def test_rigid_motion_of_everything_moves_no_contact() -> None:

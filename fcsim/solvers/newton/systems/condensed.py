@@ -15,12 +15,12 @@ from numpy.typing import DTypeLike
 
 from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.linear.factors import SingularMatrix, is_symmetric
-from fcsim.linear.joints import Pattern, joint_rows
+from fcsim.linear.joints import Pattern
 from fcsim.linear.krylov import gmres
 from fcsim.linear.late.late_rows import in_blocks
 from fcsim.linear.products import times, transposed_times
 from fcsim.problem import Delassus
-from fcsim.solvers.memory import Kept
+from fcsim.solvers.memory import Kept, Memory
 from fcsim.solvers.newton.systems._condensed_kernels import apply_blocks, held_side, roles, signed
 from fcsim.solvers.newton.systems.border import Border, empty_border, extended
 from fcsim.solvers.newton.systems.direct import DenseSystem, SparseSystem
@@ -86,6 +86,12 @@ class KeptCondensation(Kept):
     two_level: Preconditioner | None = None
 
 
+def last_pattern(memory: Memory | None) -> Pattern | None:
+    """That of the W before, of the same contacts, where they come in joints."""
+    kept = None if memory is None else memory.of_same_contacts(KeptCondensation)
+    return None if kept is None else kept.pattern
+
+
 class CondensedSystem(SettlesJoints[TwoLevelSystem]):
     """Elimination of what does not change between iterations: closed contacts, of which sliding ones are released again.
 
@@ -102,8 +108,7 @@ class CondensedSystem(SettlesJoints[TwoLevelSystem]):
         """kept: what the system of an earlier W of the same contacts has left."""
         self.operator, self._d = operator, operator.dimension
         W = operator.matrix
-        earlier = None if kept is None else kept.pattern
-        self._rows = operator.joints if earlier is None else joint_rows(W, self._d, earlier)
+        self._rows = operator.joints_like(None if kept is None else kept.pattern)
         self._W = W if isinstance(W, np.ndarray) else in_blocks(W, self._d) if self._rows is None else self._rows.W
         self._precision = 0 if W.shape[0] >= SINGLE_FROM else len(PRECISIONS) - 1
         self._holds_sliding = True

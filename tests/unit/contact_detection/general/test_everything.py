@@ -160,6 +160,7 @@ def test_friction_by_names() -> None:
 
     assert mus(0.3) == {(0, 1): 0.3, (1, 2): 0.3}
     assert mus({("low", "floor"): 0.1, ("*", "top"): 0.2}) == {(0, 1): 0.1, (1, 2): 0.2}
+    assert mus({("floor", "*"): 0.1, ("*", "low"): 0.1, ("floor", "low"): 0.4}) == {(0, 1): 0.4, (1, 2): 0.1}
     assert mus({("floor", "*"): 0.1, ("*", "*"): 0.7}) == {(0, 1): 0.1, (1, 2): 0.7}
     assert mus(lambda one, other: 0.9 if "floor" in (one, other) else 0.0) == {(0, 1): 0.9, (1, 2): 0.0}
 
@@ -177,6 +178,7 @@ def test_friction_by_names() -> None:
         (lambda one, other: None, "got None"),
         (lambda names: 0.3, r"a function of two names of bodies, got one of \(names\)"),
         ({("low", "floor"): 0.1, ("floor", "low"): 0.3}, "one number for 'low' and 'floor', got 0.1 and 0.3"),
+        ({("low", "*"): 0.1, ("*", "floor"): 0.3, ("*", "*"): 0.5}, r"touch: expected one number, got 0.3 of \('\*', 'floor'\) and 0.1 of"),
     ],
 )
 def test_wrong_friction(mu, message: str) -> None:

@@ -103,7 +103,7 @@ def test_in_joints_admm_is_first_where_newton_is_dear(changes: dict[str, Any], i
         assert stage("sweeps").enters(race) is False
         assert stage("Newton").enters(race) is not is_first
         race.runners["splitting"] = Shown(result=ENDED)
-        assert stage("Newton").enters(race) and stage("sweeps").enters(race)
+        assert stage("Newton").enters(race) and stage("sweeps").enters(race) is not race.warm
 
 
 @pytest.mark.parametrize(
@@ -259,6 +259,8 @@ def test_newton_enters(changes: dict[str, Any], needed: float, enters: bool) -> 
         ({"warm": True, "holds": 1.1}, (), True),
         (JOINTS, (), False),
         (JOINTS, ("Newton",), True),
+        ({**JOINTS, "warm": True}, ("Newton",), False),  # steps of elastic bricks: proximal Newton answers, or nobody
+        ({**JOINTS, "warm": True}, ("Newton", "proximal Newton"), True),
     ],
 )
 def test_sweeps_enter(changes: dict[str, Any], over: tuple[str, ...], enters: bool) -> None:
@@ -422,6 +424,9 @@ def test_fischer_burmeister_enters_last(spent: float, running: bool, from_zero: 
         ({"holds": EDGES_HELD, "dimension": 2, "warm": True}, "PROXIMAL_OF_EDGES"),
         ({"holds": EDGES_HELD, "dimension": 2, "in_velocities": False}, "PROXIMAL_OF_EDGES"),
         ({"holds": 0.0, "regular": True}, "PROXIMAL_ON_SPRINGS"),
+        (JOINTS, "PROXIMAL_OF_JOINTS"),
+        ({**JOINTS, "warm": True}, "PROXIMAL_OF_JOINTS"),
+        ({**JOINTS, "in_velocities": True}, "PROXIMAL_NEWTON"),
     ],
 )
 def test_proximal_newton_s_options_follow_from_how_bodies_touch(

@@ -39,6 +39,7 @@ class SystemByBodies(SettlesJoints[TwoLevelSystem]):
         rows = BlockRows(operator.W, operator.dimension)
         self._two_level = TwoLevelSystem(rows, operator.shares, None if kept is None else kept.preconditioner)
         self._whole: NewtonSystem | None = None
+        self._solves = self._of_whole = 0
         self.needed, self.foreseen = 0.0, False  # as in `NewtonSpace`; 0: not known
 
     def left(self, identity: IntArray) -> KeptTwoLevel | None:
@@ -46,13 +47,24 @@ class SystemByBodies(SettlesJoints[TwoLevelSystem]):
         left = None if self._two_level is None else self._two_level.left
         return None if left is None else KeptTwoLevel(identity, left)
 
+    @property
+    def said(self) -> str:
+        """How much of what was asked for by this name another system has solved; "" where nothing."""
+        if not self._of_whole:
+            return ""
+        return (
+            f"linear='two-level' did not get there in {self._of_whole} of {self._solves} iterations, whose systems another one has solved"
+        )
+
     def shifted(self, shift: FloatArray) -> NewtonSystem:
         return self._make_whole(self.operator).shifted(shift)
 
     def solve(self, A: FloatArray, B: FloatArray, rhs: FloatArray) -> tuple[FloatArray, FloatArray]:
+        self._solves += 1
         found = None if self._two_level is None else self._two_level.solve(A, B, rhs, self.needed, self.foreseen)
         if found is not None:
             return found
+        self._of_whole += 1
         if self._whole is None:
             self._whole = self._make_whole(self.operator)
         return self._whole.solve(A, B, rhs)

@@ -110,6 +110,17 @@ def test_by_its_name_it_finds_the_bodies_in_M(monkeypatch: pytest.MonkeyPatch) -
     assert_allclose(found.u, reference.u, atol=1e-6 * np.abs(reference.u).max())
 
 
+def test_by_its_name_it_says_where_another_system_has_worked() -> None:
+    """A body on 151 contacts, one more than a joint may have: the answer is r = -(W^-1 q), whose contacts stick, in one iteration."""
+    n = 3 * 151
+    M = np.eye(n) + np.full((n, n), 1e-3)
+    p = GlobalProblem(sp.csr_array(M), sp.eye_array(n, format="csc"), np.zeros(n), np.tile([-1.0, 0.0, 0.0], n // 3), np.full(n // 3, 2.0))
+    by_name, other = (solve(p, "NSN-AC", linear=linear) for linear in ("two-level", "dense"))
+    assert_allclose(by_name.r, -M @ p.w, rtol=1e-9, atol=1e-9)
+    assert by_name.message == "linear='two-level' did not get there in 1 of 1 iterations, whose systems another one has solved"
+    assert not other.message
+
+
 def without_another(system: alone.SystemByBodies, A: np.ndarray, B: np.ndarray, rhs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """`SystemByBodies.solve`, which must not go on by another system."""
     assert system._two_level is not None
