@@ -8,21 +8,30 @@ remembers to one of the same two bodies that did not carry, and whose point is n
     |c_s - c_s^-| + |c_m - c_m^-| + WITHIN max(D, |p^- - c_s^-|)
 
 with c the means of slave's and master's nodes, ^- in the step before, p the contact's point, D the size of the smaller body. Each gives
-once and takes once, the nearest first. Contacts of other kinds keep their identity, and what they remember.
+once and takes once, the nearest first.
+
+Contacts of meshed bodies keep their identity as they slide over facets, but a corner that is drawn over the edge of what bears it leaves
+its place to the crossing of two edges: there springs go on, too, where they are all that is remembered beside the way slid (`SPRINGS`) and
+both normals are nearly the same. Contacts of other kinds keep their identity, and what they remember.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from fcsim.arrays import BoolArray, FloatArray, IntArray
-from fcsim.contact_detection.contacts import Contacts
+from fcsim.contact_detection.contacts import EXACT, Contacts
 from fcsim.contact_detection.surfaces.ragged import of_same_key
 from fcsim.contact_law.law import Meeting, Outcome, Remembered, Variables
 from fcsim.contact_law.proportions import Proportions
 
 PLACE = "place"
-"""The variable (nc, 2 + 3 d) of contacts that may hand on: slave, master, point, both bodies' means [m]; nan where a contact is to keep."""
+"""The variable (nc, 2 + 4 d) of contacts that may hand on: slave, master, point, both bodies' means [m], normal as from the body of the
+larger number; nan where a contact is to keep."""
+SPRINGS = frozenset(("stretch", "attitude", "slip", "rate"))
+"""What contacts of meshed bodies remember that hand it on: damage and ages stay where they came about."""
 
 WITHIN = 0.1
 """Of the smaller body's size, or of the arm from the slave's middle: by how much farther than both bodies a contact's point may move in a
@@ -35,7 +44,7 @@ ALIKE = 0.99
 def places(meeting: Meeting, outcome: Outcome, kept: Remembered) -> dict[str, FloatArray]:
     """Where the contacts of a step are that carry and may come to another facet; nothing where none may, or nothing is remembered."""
     contacts = meeting.contacts
-    over = contacts.over_facets
+    over = _may(contacts, "stretch" in kept.values and SPRINGS.issuperset(kept.values))
     if not kept.values or not over.any():
         return {}
     held = over & (outcome.r[:, 0] > 0)
@@ -52,8 +61,10 @@ def handed_on(variables: Variables | None, contacts: Contacts, positions: FloatA
     lost = np.flatnonzero(carrying & ~np.isin(variables.identity, contacts.identity))
     if not len(lost):
         return variables
-    new = np.flatnonzero(contacts.over_facets & ~np.isin(contacts.identity, variables.identity[carrying]))
-    giver, taker = _nearest(place[lost], contacts.take(new), _centres(positions, proportions), proportions)
+    may = _may(contacts, bool((variables.identity[lost] < EXACT).any()))
+    new = np.flatnonzero(may & ~np.isin(contacts.identity, variables.identity[carrying]))
+    exact = variables.identity[lost] >= EXACT
+    giver, taker = _nearest(place[lost], exact, contacts.take(new), _centres(positions, proportions), proportions)
     if not len(giver):
         return variables
     taken = contacts.identity[new[taker]]
@@ -61,35 +72,79 @@ def handed_on(variables: Variables | None, contacts: Contacts, positions: FloatA
     identity[lost[giver]] = taken
     kept = np.flatnonzero(~np.isin(variables.identity, taken))  # what takers had from before they were left is none of the comer's
     order = kept[np.argsort(identity[kept])]
-    return Variables(
-        identity[order], {name: values[order] for name, values in variables.values.items()}, variables.stored, variables.breaking
-    )
+    swapped = lost[giver][place[lost[giver], 0] != contacts.bodies[new[taker], 0]]
+    values = variables.values if not len(swapped) else _other_way_round(variables.values, swapped)
+    return Variables(identity[order], {name: value[order] for name, value in values.items()}, variables.stored, variables.breaking)
+
+
+def _other_way_round(values: Mapping[str, FloatArray], those: IntArray) -> dict[str, FloatArray]:
+    """The variables with those contacts' slave for their master: the stretch is the slave's way beside the master."""
+    changed = {name: value.copy() for name, value in values.items()}
+    changed["stretch"][those] *= -1.0
+    if "attitude" in changed:
+        changed["attitude"][those] = np.roll(changed["attitude"][those], changed["attitude"].shape[1] // 2, axis=1)
+    return changed
+
+
+def may_come_after(variables: Variables | None, contacts: Contacts, positions: FloatArray, proportions: Proportions) -> BoolArray:
+    """Which contacts (nc,) of meshed bodies, met on the way to come, are beside one with a spring and may take its place."""
+    near = np.zeros(len(contacts), dtype=bool)
+    if variables is None or PLACE not in variables.values:
+        return near
+    place = variables.values[PLACE]
+    carrying = np.flatnonzero(~np.isnan(place[:, 0]) & (variables.identity < EXACT))
+    new = np.flatnonzero((contacts.identity < EXACT) & ~np.isin(contacts.identity, variables.identity))
+    if len(carrying) and len(new):
+        meshed = np.zeros(len(carrying), dtype=bool)
+        _, taker = _nearest(place[carrying], meshed, contacts.take(new), _centres(positions, proportions), proportions)
+        near[new[taker]] = True
+    return near
 
 
 def comes_after(held: Contacts, positions: FloatArray, there: Contacts, later: FloatArray, proportions: Proportions) -> BoolArray:
     """Which of the contacts `there`, where nodes are `later` (n_nodes, d) [m] in a step, are one of those `held` at `positions` that has
-    come to another facet of the same face, or nearly: beside that one, which says as much, its spring would act twice."""
+    come to another facet of the same face, or nearly, or, of meshed bodies, is closed and leaves its face: beside that one, which says as
+    much, its spring would act twice."""
     after = np.zeros(len(there), dtype=bool)
-    lost = held.take(held.over_facets & ~np.isin(held.identity, there.identity))
-    new = np.flatnonzero(there.over_facets & ~np.isin(there.identity, held.identity))
+    lost = held.take((held.over_facets | _may(held, True) & (held.gap < 0)) & ~np.isin(held.identity, there.identity))
+    new = np.flatnonzero(_may(there, True) & ~np.isin(there.identity, held.identity))
     if len(lost) and len(new):
         place = _place(lost, _centres(positions, proportions))
-        giver, taker = _nearest(place, there.take(new), _centres(later, proportions), proportions)
-        alike = np.einsum("ad,ad->a", lost.frame[giver, 0], there.frame[new[taker], 0]) > ALIKE
+        giver, taker = _nearest(place, lost.identity >= EXACT, there.take(new), _centres(later, proportions), proportions)
+        alike = np.einsum("ad,ad->a", _from_the_first(lost)[giver], _from_the_first(there)[new[taker]]) > ALIKE
         after[new[taker[alike]]] = True
     return after
 
 
+def _may(contacts: Contacts, meshed: bool) -> BoolArray:
+    """Which contacts (nc,) may come to another identity: exact shapes on meshes, and, of springs, those of meshed bodies."""
+    return contacts.over_facets | (meshed & (contacts.identity < EXACT))
+
+
 def _place(contacts: Contacts, centres: FloatArray) -> FloatArray:
-    return np.column_stack([contacts.bodies, contacts.point, centres[contacts.bodies].reshape(len(contacts), -1)])
+    means = centres[contacts.bodies].reshape(len(contacts), -1)
+    return np.column_stack([contacts.bodies, contacts.point, means, _from_the_first(contacts)])
 
 
-def _nearest(before: FloatArray, new: Contacts, centres: FloatArray, proportions: Proportions) -> tuple[IntArray, IntArray]:
-    """Which of the places `before` (n, 2 + 3 d) and which of the new contacts belong together, as two lists (k,)."""
+def _from_the_first(contacts: Contacts) -> FloatArray:
+    return np.where(contacts.bodies[:, :1] < contacts.bodies[:, 1:], 1.0, -1.0) * contacts.frame[:, 0]
+
+
+def _nearest(
+    before: FloatArray, exact: BoolArray, new: Contacts, centres: FloatArray, proportions: Proportions
+) -> tuple[IntArray, IntArray]:
+    """Which of the places `before` (n, 2 + 4 d), of exact shapes or not (n,), and of the new contacts belong together, two lists (k,)."""
     d = new.dimension
-    bodies, point, then = before[:, :2].astype(np.int64), before[:, 2 : 2 + d], before[:, 2 + d :].reshape(-1, 2, d)
+    bodies, point, then = before[:, :2].astype(np.int64), before[:, 2 : 2 + d], before[:, 2 + d : 2 + 3 * d].reshape(-1, 2, d)
     count = len(centres)
-    taker, giver = of_same_key(bodies[:, 0] * count + bodies[:, 1], new.bodies[:, 0] * count + new.bodies[:, 1])
+    own, others = (
+        np.where(kind[:, None], pair, np.sort(pair, axis=1)) for kind, pair in ((exact, bodies), (new.identity >= EXACT, new.bodies))
+    )
+    taker, giver = of_same_key(own[:, 0] * count + own[:, 1], others[:, 0] * count + others[:, 1])
+    same = exact[giver] == (new.identity[taker] >= EXACT)
+    along = np.einsum("pd,pd->p", before[giver, 2 + 3 * d :], _from_the_first(new)[taker])
+    same &= exact[giver] | (along > ALIKE)
+    taker, giver = taker[same], giver[same]
     moved = np.linalg.norm(centres[bodies] - then, axis=2).sum(axis=1)
     size = np.maximum(proportions.size[bodies].min(axis=1, initial=np.inf), np.linalg.norm(point - then[:, 0], axis=1))
     distance = np.linalg.norm(new.point[taker] - point[giver], axis=1)

@@ -19,7 +19,7 @@ from fcsim.contact_detection.skin.boundary import joined_by_facets
 from fcsim.contact_law.coulomb import Gap
 from fcsim.contact_law.driven import Driven, moved_by_supports, refuse_driven, without_force
 from fcsim.contact_law.friction import refuse_endless
-from fcsim.contact_law.handed_on import handed_on, places
+from fcsim.contact_law.handed_on import comes_after, handed_on, may_come_after, places
 from fcsim.contact_law.law import NOTHING, Implicit, Law, Meeting, Outcome, Terms, Variables
 from fcsim.contact_law.one_point import at_one_point
 from fcsim.contact_law.proportions import Proportions
@@ -216,6 +216,11 @@ def encounter(
     positions, way = model.positions(configuration), scheme.way(model, state)
     moved = None if way is None else model.positions(model.advance(configuration, way)) - positions
     contacts = detection(positions, moved)
+    if moved is not None and (near := may_come_after(variables, contacts, positions, proportions)).any():
+        here, later = detection(positions), positions + moved
+        there = detection(later)
+        taking = there.identity[comes_after(here, positions, there, later, proportions)]
+        contacts = contacts.take(~(near & np.isin(contacts.identity, taking) & ~np.isin(contacts.identity, here.identity)))
     return under_law(model, scheme, state, contacts, positions, proportions, variables, configuration=configuration)
 
 

@@ -120,10 +120,11 @@ class Mortar(SegmentToSegment):
         return contacts, pair
 
     def _bulge(self, facets: Facets) -> FloatArray | None:
-        """None of facets of second order, whose own shape functions measure the gap."""
+        """Of facets of second order, whose own shape functions measure the gap, what is beyond their own curve."""
         if facets.bulge is None or facets.parents is None:
             return facets.bulge
-        return np.where((facets.parents.kind == 0)[:, None, None], facets.bulge, 0.0)
+        beyond = facets.parents.beyond
+        return np.where((facets.parents.kind == 0)[:, None, None], facets.bulge, 0.0 if beyond is None else beyond)
 
     def _mean_bulge(self, found: Segments, row: IntArray, normal: FloatArray, size: FloatArray) -> FloatArray | None:
         """- int chi_j b n / a_j of each multiplier j that the rows (np, j) name, - n (np, d) the `normal`; None where all is flat."""

@@ -12,8 +12,9 @@ reference and moves with the body: a point of a body is where the surface was, d
 The normals weigh corners by sin / (|a|^2 |b|^2) of their sides (2D: 1 / length), exact on spheres and circles with facets of any lengths;
 at the rim of a smooth patch they are carried on along the facets' sides from inner corners, mirrored at the sides' middles. Of unstructured
 triangles they are those of a surface that is fitted to the vertices around (`curves.fitted_normals`), at the rim too, and sides between two
-of these belong to curves. Of B_kl and B_lk the smaller counts, none where they differ in sign, and facets more than `LONG` times as long as
-one beside them are flat: the straight part of what ends in a curve is none. Nor is what is no curve evidently (`curves.evident_curves`): a
+of these belong to curves. Of B_kl and B_lk the smaller counts, but their mean, exact to the third order, where both ends have a fit and
+they differ by no more than those of curves (`AGREE`); none where they differ in sign. Facets more than `LONG` times as long as one beside
+them are flat: the straight part of what ends in a curve is none. Nor is what is no curve evidently (`curves.evident_curves`): a
 ramp, chamfers; `bulges` has none there, `bulges_of_all_edges` has them wherever three normals are.
 
 Sources: N. Max, Weights for computing vertex normals from facet normals, Journal of Graphics Tools 4, 1999; M. A. Puso and T. A. Laursen, A
@@ -85,6 +86,9 @@ def _both_ways(
     towards = np.einsum("fkd,fkld->fkl", own, x[:, :, None] - x[:, None])
     B = towards / (1.0 + np.einsum("fkd,fd->fk", own, normal))[:, :, None]
     B = np.where(real[:, None], B, np.nan)
+    back, both = B.transpose(0, 2, 1), fits[vertex][:, :, None] & fits[vertex][:, None]
+    near = both & (B * back > 0) & (np.abs(B - back) <= AGREE * np.maximum(np.abs(B), np.abs(back)))
+    B = np.where(near, 0.5 * (B + back), B)
     f, at = np.nonzero(real if x.shape[2] == 3 else real[:, :1])
     to = (at + 1) % sides[f]
     first, second = vertex[f, at], vertex[f, to]

@@ -39,7 +39,11 @@ def contact_surface(model: Model, members: Iterable[tuple[str, str]]) -> Contact
     padded = [np.pad(f, ((0, 0), (0, width - f.shape[1])), constant_values=-1) for f in facets]
     bodies = np.repeat([model.number[body] for body, _ in members], [len(f) for f in facets])
     plain = ContactSurface(np.concatenate(padded), bodies, _parents(model, members, facets))
-    return replace(plain, bulge=bulges_of_surface(model, plain))
+    bulge = bulges_of_surface(model, plain)
+    if bulge is None or plain.parents is None:
+        return replace(plain, bulge=bulge)
+    _, sides, x, normal, _, _ = _chords(model, plain, float(np.arccos(ROUND)))
+    return replace(plain, bulge=bulge, parents=parents.with_surface(plain.parents, bulge, sides, x, normal))
 
 
 def bulges_of_surface(model: Model, surface: ContactSurface) -> FloatArray | None:

@@ -1,9 +1,7 @@
-"""What laws are built of: variables by contact, areas, sizes; and the guide's law of one's own."""
+"""What laws are built of: variables by contact, areas, sizes."""
 
-import re
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import inf
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,19 +9,16 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from fcsim.assembly.model import build_model
-from fcsim.assembly.supports import Support
 from fcsim.contact_detection import Detector, SurfacePair, two_pass
 from fcsim.contact_detection.general.everything import Everything
 from fcsim.contact_detection.surfaces.model_surfaces import contact_surface
 from fcsim.contact_law.coulomb import Gap
-from fcsim.contact_law.law import Meeting, Remembered, Terms, Timing, Variables
+from fcsim.contact_law.law import Meeting, Timing, Variables
 from fcsim.contact_law.proportions import proportions
 from fcsim.mesh import rigid_capsule, rigid_cylinder, rigid_plane, rigid_sphere
 from fcsim.mesh.blocks import brick, rectangle, rigid_box, rigid_rectangle
 from fcsim.mesh.material import Material
 from fcsim.mesh.part import Body, RigidBody
-from fcsim.timestep.simulation import Simulation
-from fcsim.timestep.theta import Theta
 
 SOFT = Material(1e7, 0.3, 1000.0)
 
@@ -214,23 +209,3 @@ def test_joints_of_unlike_thickness_have_the_area_that_both_share(
     positions = model.positions(np.zeros(model.n_dofs))
     contacts = Detector(pairs, model.n_nodes)(positions)
     assert proportions(model).area_at(contacts, positions).sum() == pytest.approx(0.6 * shared)
-
-
-def test_the_guides_law_of_ones_own_runs() -> None:
-    """A light plate under a ceiling that holds 4 x 2 N, its weight 5 N: it hangs; twice as heavy it falls."""
-    guide = (Path(__file__).parents[3] / "docs" / "contact_laws.md").read_text(encoding="utf-8")
-    code = re.search(r"\n((    @dataclass.*?\n)(    .*\n|\n)*)", guide)
-    assert code is not None
-    names: dict[str, Any] = {"np": np, "dataclass": dataclass, "Terms": Terms, "Remembered": Remembered, "__name__": __name__}
-    exec("\n".join(line[4:] for line in code.group(1).splitlines()), names)
-    for mass, hangs in ((0.5, True), (1.0, False)):
-        plate, ceiling = rigid_box("plate", (1, 1, 0.1), (0, 0, -0.05), mass), rigid_box("ceiling", (3, 3, 1), (0, 0, 0.5), 1.0)
-        model = build_model(
-            [plate, ceiling], supports=[Support("ceiling", ("x", "y", "z", "rx", "ry", "rz"))], gravity=lambda t: (0, 0, -10.0)
-        )
-        pair = SurfacePair(contact_surface(model, [("plate", "z+")]), contact_surface(model, [("ceiling", "z-")]), 0.5, 0.05)
-        run = Simulation(model, Detector([pair], model.n_nodes), Theta(1e-3, law=names["Sticky"](2.0)), 20, created=np.inf)
-        last = list(run)[-1]
-        assert (abs(last.state.x[2]) < 1e-9) == hangs
-        assert last.contact_force_on(0)[2] == pytest.approx(5.0 if hangs else 8.0, rel=1e-6)
-        assert_array_equal(last.law_variables["held"], np.full(4, float(hangs)))

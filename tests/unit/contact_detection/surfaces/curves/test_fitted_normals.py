@@ -5,6 +5,7 @@ import pytest
 from scipy.spatial import Delaunay
 from scipy.spatial.transform import Rotation
 
+from fcsim.contact_detection.surfaces.bulges import bulges
 from fcsim.contact_detection.surfaces.curves.fitted_normals import fitted_normals
 
 
@@ -95,6 +96,36 @@ def test_other_curves_have_theirs_nearly(surface) -> None:
         share.append(np.sqrt((off[0] ** 2).mean()))
         assert share[-1] < 0.2 * np.sqrt((off[1] ** 2).mean())
     assert share[0] < 0.05 and share[1] < 0.4 * share[0]
+
+
+@pytest.mark.parametrize(
+    ("surface", "zero"),
+    [
+        (cone, lambda p: np.hypot(p[..., 0], p[..., 1]) + 0.3 * p[..., 2] - 1.0),
+        (ellipsoid, lambda p: ((p / [1.0, 0.8, 1.3]) ** 2).sum(axis=-1) - 1.0),
+    ],
+)
+def test_curvature_that_changes_along_facets_is_no_error_of_their_bulge(surface, zero) -> None:
+    """At the sides' middles, by where the facet's normal meets the surface (Newton's method on its equation): to 1 % in the mean."""
+    points, triangles, _ = triangulated(surface, 24)
+    x = points[triangles]
+    normal = np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0])
+    size = np.sqrt(0.5 * np.linalg.norm(normal, axis=1))
+    normal /= 2.0 * size[:, None] ** 2
+    if np.einsum("fd,fd->f", normal, x.mean(axis=1) * [1, 1, 0]).sum() < 0:
+        normal, triangles, x = -normal, triangles[:, ::-1], x[:, ::-1]
+    B = bulges(triangles, np.full(len(triangles), 3), points, normal, size, np.zeros(len(triangles), dtype=np.int64))
+    assert B is not None
+    own, exact = [], []
+    for k, other in ((0, 1), (1, 2), (2, 0)):
+        middle, b = 0.5 * (x[:, k] + x[:, other]), np.zeros(len(x))
+        for _ in range(4):
+            along = (b + np.array([-1e-6, 0.0, 1e-6])[:, None])[..., None]
+            less, now, more = zero(middle + along * normal)
+            b = b - 2e-6 * now / (more - less)
+        own.append(0.5 * B[:, k, other])
+        exact.append(b)
+    assert np.abs(np.subtract(own, exact)).mean() < 0.01 * np.abs(exact).mean()
 
 
 def test_rough_faces_and_ridges_have_no_fit() -> None:
