@@ -7,6 +7,7 @@ from numba import njit
 
 from fcsim.arrays import FloatArray, IntArray
 from fcsim.contact_detection._vector_kernels import Vector, at, cross, dot, length, minus, plus, times, unit
+from fcsim.contact_detection.general._foot_kernels import normal_on_side
 from fcsim.contact_detection.general._pierce_kernels import pierced
 
 _FLAT = np.cos(np.deg2rad(1.0))  # faces that oppose each other closer than this touch flatly: the contact's normal is the face's
@@ -14,6 +15,7 @@ _TILTED = 1e-4  # from this angle between them on, edges that cross at `_SKEW` o
 _SKEW = 0.5  # sine of the angle between edges from which their common normal is within twice the tilt of the faces'
 _PARALLEL = 1e-7  # sine of the angle below which edges of flatly touching faces do not cross; vertices hold these
 _ALONG = 1e-4  # the same of edges in space, whose direction of contact is round-off
+_TWISTED = 1e-12  # of 1: a quadrilateral whose normals differ by less is plane
 _ARC = 0.05  # sine of how far the normal may leave the arc between an edge's faces
 
 
@@ -25,8 +27,8 @@ def _in_face(edge: int, place: int, direction: Vector, normals: FloatArray, edge
 
 
 @njit(cache=True)
-def _flat_normal(a: int, b: int, normals: FloatArray, sizes: FloatArray, edge_facets: IntArray) -> tuple[bool, Vector]:
-    """The larger face's normal, from b to a, where two faces of the edges touch flatly."""
+def _flat_normal(a: int, b: int, normals: FloatArray, sizes: FloatArray, edge_facets: IntArray) -> tuple[int, bool, Vector]:
+    """The larger of two faces of the edges that touch flatly, -1 where none do, whether it is one of a, and its normal from b to a."""
     best, fa, fb = -_FLAT, -1, -1
     for i in range(2):
         for j in range(2):
@@ -34,8 +36,22 @@ def _flat_normal(a: int, b: int, normals: FloatArray, sizes: FloatArray, edge_fa
             if c < best:
                 best, fa, fb = c, edge_facets[a, i], edge_facets[b, j]
     if fa < 0:
-        return False, at(normals, 0)
-    return True, times(-1.0, at(normals, fa)) if sizes[fa] > sizes[fb] else at(normals, fb)
+        return -1, False, at(normals, 0)
+    if sizes[fa] > sizes[fb]:
+        return fa, True, times(-1.0, at(normals, fa))
+    return fb, False, at(normals, fb)
+
+
+@njit(cache=True)
+def _on_edge(f: int, edge: int, share: float, point: FloatArray, facets: IntArray, edges: IntArray) -> Vector:
+    """The normal of the bilinear facet f at the share of its edge."""
+    x0, x1, x2, x3 = at(point, facets[f, 0]), at(point, facets[f, 1]), at(point, facets[f, 2]), at(point, facets[f, 3])
+    l = 0
+    while facets[f, l] != edges[edge, 0]:
+        l += 1
+    if facets[f, l + 1 if l < 3 else 0] == edges[edge, 1]:
+        return normal_on_side(l, share, x0, x1, x2, x3)
+    return normal_on_side(l - 1 if l > 0 else 3, 1.0 - share, x0, x1, x2, x3)
 
 
 @njit(cache=True)
@@ -94,14 +110,20 @@ def crossings(
         if sine < _PARALLEL:
             continue
         r = minus(pb, pa)
-        flat, N = _flat_normal(a, b, normals, sizes, edge_facets)
-        if flat:
+        face, of_first, N = _flat_normal(a, b, normals, sizes, edge_facets)
+        if face >= 0:
             turn = dot(N, across)
             if abs(turn) < _PARALLEL:
                 continue
             own = times((1.0 if turn > 0.0 else -1.0) / sine, across)
             if sine > _SKEW and length(minus(own, N)) > _TILTED:
                 N, turn = own, dot(own, across)
+            elif sides[face] == 4:  # twisted: not its mean normal, but that where the edges cross
+                share = dot(N, cross(r, db)) / turn / la if of_first else dot(N, cross(r, da)) / turn / lb
+                there = _on_edge(face, a if of_first else b, min(max(share, 0.0), 1.0), point, facets, edges)
+                there = times(-1.0 if of_first else 1.0, there)
+                if dot(there, N) < 1.0 - _TWISTED and abs(dot(there, across)) >= _PARALLEL:
+                    N, turn = there, dot(there, across)
             s, t = dot(N, cross(r, db)) / turn, dot(N, cross(r, da)) / turn
         else:
             if sine < _ALONG:

@@ -57,6 +57,16 @@ def _in_quadrilateral(p: Vector, x0: Vector, x1: Vector, x2: Vector, x3: Vector)
 
 
 @njit(cache=True)
+def normal_on_side(l: int, t: float, x0: Vector, x1: Vector, x2: Vector, x3: Vector) -> Vector:
+    """Unit normal of the bilinear quadrilateral at the share t of its side l: that to which the normals inside run."""
+    s = t if l == 0 else (1.0 if l == 1 else (1.0 - t if l == 2 else 0.0))
+    q = 0.0 if l == 0 else (t if l == 1 else (1.0 if l == 2 else 1.0 - t))
+    u = plus(times(1.0 - q, minus(x1, x0)), times(q, minus(x2, x3)))
+    v = plus(times(1.0 - s, minus(x3, x0)), times(s, minus(x2, x1)))
+    return unit(cross(u, v))
+
+
+@njit(cache=True)
 def _on_boundary(p: Vector, f: int, point: FloatArray, facets: IntArray, sides: int) -> tuple[int, int, float, int]:
     """The nearest point of the sides: from corner l to corner k by the share t of the side, and where that lies."""
     best, of, to, share, feature = np.inf, 0, 0, 0.0, EDGE
@@ -89,7 +99,7 @@ def feet(
         f = facet[row]
         p, k, N = at(point, vertex[row]), sides[f], at(normals, f)
         x0, x1 = at(point, facets[f, 0]), at(point, facets[f, 1])
-        foot, inside = x0, False
+        foot, inside, warped = x0, False, False
         if k == 2:
             along = minus(x1, x0)
             t = dot(minus(p, x0), along) / dot(along, along)
@@ -117,6 +127,8 @@ def feet(
                 N = there if warped else N
         if not inside:
             l, to, t, feature[row] = _on_boundary(p, f, point, facets, k)
+            if warped:  # the normal goes on to the rim: with the facet's mean it would jump there, by as much as the facet is twisted
+                N = normal_on_side(l, t, x0, x1, at(point, facets[f, 2]), at(point, facets[f, 3]))
             weights[row, l], weights[row, to] = 1.0 - t, t
             foot = plus(times(1.0 - t, at(point, facets[f, l])), times(t, at(point, facets[f, to])))
         arm = minus(p, foot)

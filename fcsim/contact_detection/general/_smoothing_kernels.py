@@ -12,17 +12,22 @@ _LEVEL = 1e-12  # of 1: facets whose normals differ by less lie in one plane, an
 
 
 @njit(cache=True)
-def _angle_at(v: int, g: int, point: FloatArray, facets: IntArray, sides: IntArray) -> float:
-    """The angle [rad] of the facet g at its corner v; 1 of a segment."""
+def _corner(v: int, g: int, point: FloatArray, normals: FloatArray, facets: IntArray, sides: IntArray) -> tuple[float, FloatArray]:
+    """The angle [rad] of the facet g at its corner v, 1 of a segment, and its normal there: that of the bilinear quadrilateral where it is
+    twisted, whose mean is off that of the surface at its corners, and so at the surface's rim, by O(h)."""
     if sides[g] == 2:
-        return 1.0
+        return 1.0, normals[g]
     at = 0
     while facets[g, at] != v:
         at += 1
     ahead = point[facets[g, at + 1 if at + 1 < sides[g] else 0]] - point[v]
     back = point[facets[g, at - 1 if at > 0 else sides[g] - 1]] - point[v]
     sine = np.cross(ahead, back)
-    return np.arctan2(np.sqrt(dot(sine, sine)), dot(ahead, back))
+    size = np.sqrt(dot(sine, sine))
+    angle = np.arctan2(size, dot(ahead, back))
+    if sides[g] < 4 or dot(sine, normals[g]) >= (1.0 - _LEVEL) * size:
+        return angle, normals[g]
+    return angle, sine / size
 
 
 @njit(cache=True)
@@ -56,7 +61,8 @@ def interpolated_normals(
             for s in range(first_star[v], first_star[v + 1]):
                 g = star[s]
                 if patch[g] == patch[f]:
-                    mean += _angle_at(v, g, point, facets, sides) * normals[g]
+                    angle, normal = _corner(v, g, point, normals, facets, sides)
+                    mean += angle * normal
             mean /= np.sqrt(dot(mean, mean))
             changed[row] = changed[row] or dot(mean, normals[f]) < 1.0 - _LEVEL
             total += w * mean
