@@ -43,10 +43,30 @@ class PauseInRace(Pauses):
 def paused(monitor: Monitor, kind: type[Pauses] = Pause) -> bool:
     """Whether Newton is not tried on this problem, which then counts."""
     pause = None if monitor.memory is None else monitor.memory.earlier(kind)
-    if monitor.memory is None or pause is None or not pause.left:
+    if monitor.memory is None or pause is None:
+        return False
+    if kind is PauseInRace and _passed_over_before(monitor.memory):
+        return True
+    if not pause.left:
         return False
     monitor.memory = monitor.memory.having(replace(pause, left=pause.left - 1))
     return True
+
+
+def _passed_over_before(memory: Memory) -> bool:
+    """Whether Newton has been passed over on this problem where q follows, as in turning bodies' steps: where it has failed in the race
+    as well it is not tried there either, and what is left of the race's own pause counts the problems on which it is tried and fails."""
+    pause = memory.earlier(Pause)
+    return pause is not None and pause.left < pause.length
+
+
+def passed_over(memory: Memory | None) -> Memory | None:
+    """What remains of the memory where Newton pauses on a problem whose q follows its solution, which then counts; None where it is tried,
+    or there is none: who passes it over need not ask what follows from the start."""
+    pause = None if memory is None else memory.earlier(Pause)
+    if memory is None or pause is None or not pause.left:
+        return None
+    return memory.having(replace(pause, left=pause.left - 1))
 
 
 def tried(monitor: Monitor, status: Status, kind: type[Pauses] = Pause) -> None:

@@ -314,6 +314,15 @@ def test_error_of_the_one_loop_is_that_of_the_problem_it_ends_with() -> None:
     assert_allclose(result.error, scaled_error(problem.reduction.local, result.r), rtol=1e-5)
 
 
+def test_one_loop_is_passed_over_where_newton_pauses() -> None:
+    """Of the problem nothing is asked."""
+    memory, attempts = Memory.of(np.arange(1)).having(Pause(np.empty(0, dtype=np.int64), length=4, left=3)), list[Attempt]()
+    nothing: Any = None
+    result, left = solve_followed(nothing, SolverSettings(name="auto"), np.zeros(3), nothing, 1.0, attempts, memory)
+    assert left is not None and (pause := left.earlier(Pause)) is not None
+    assert result is None and not attempts and pause.left == 2
+
+
 def test_bodies_that_only_reactions_hold_in_statics_go_by_the_sequence() -> None:
     """Under reactions that are held they would fly away by what is wrong with these, over eta."""
     stone = Material(E=1e6, nu=0.2, density=2000.0)
