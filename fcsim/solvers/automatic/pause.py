@@ -16,14 +16,16 @@ from fcsim.solvers.newton.systems.condensed import KeptCondensation
 
 FAILS = (Status.SINGULAR, Status.STAGNATED, Status.DIVERGED)
 NEWTON = "Newton"
-LONGEST_PAUSE = 32
-"""Problems."""
+LONGEST_PAUSE, LONGER = 32, 4
+"""Problems, and how many times as long a pause is as the one before. With two for four steps of turning walls take 1.1 to 1.25 times the
+solver's time, of a wall whose nodes touch 1.13 times, and of elastic and rigid bricks about the same."""
 
 
 @dataclass(frozen=True, eq=False)
 class Pauses(Kept):
     """After Newton has failed on a problem that follows it is not tried on the next `length` ones, of which `left` are to come; each time
-    in turn twice as many. Where contacts do not hold the bodies uniquely it fails in step after step, at the price of an elimination."""
+    in turn `LONGER` times as many. Where contacts do not hold the bodies uniquely it fails in step after step, at the price of an
+    elimination."""
 
     length: int = field(kw_only=True)
     left: int = field(kw_only=True)
@@ -77,7 +79,7 @@ def tried(monitor: Monitor, status: Status, kind: type[Pauses] = Pause) -> None:
         monitor.memory = monitor.memory.without(kind)
         return
     pause = monitor.memory.earlier(kind)
-    length = int(kind is Pause) if pause is None else min(max(2 * pause.length, 1), LONGEST_PAUSE)
+    length = int(kind is Pause) if pause is None else min(max(LONGER * pause.length, 1), LONGEST_PAUSE)
     monitor.memory = monitor.memory.having(kind(np.empty(0, dtype=np.int64), length=length, left=length))
 
 

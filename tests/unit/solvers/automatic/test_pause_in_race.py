@@ -24,19 +24,21 @@ def pause(memory: Memory | None) -> tuple[int, int] | None:
 def test_newton_pauses_where_it_has_failed_twice_in_a_row() -> None:
     memory: Memory | None = Memory.of(np.arange(2))
     start, seen = 0.4 * np.array([1.0, 0.0, 0.0, 1.0, 0.0, 0.0]), []
-    for _ in range(7):
+    for _ in range(8):
         result = solve(SHARED, "auto", start, memory=memory)
         memory = result.memory
         assert result.status.solved and result.r[[0, 3]].sum() == pytest.approx(1.0, abs=1e-7)
         seen.append(pause(memory))
-    assert seen == [(0, 0), (1, 1), (1, 0), (2, 2), (2, 1), (2, 0), (4, 4)]
+    assert seen == [(0, 0), (1, 1), (1, 0), (4, 4), (4, 3), (4, 2), (4, 1), (4, 0)]
 
     again = solve(SHARED, "auto", memory=memory)  # from zero nothing is left out, and nothing counts
-    assert again.status.solved and pause(again.memory) == (4, 4)
+    assert again.status.solved and pause(again.memory) == (4, 0)
 
-    for left in (3, 2, 1, 0):
+    memory = solve(SHARED, "auto", start, memory=memory).memory
+    assert pause(memory) == (16, 16)
+    for left in range(15, -1, -1):
         memory = solve(UNIQUE, "auto", start, memory=memory).memory
-        assert pause(memory) == (4, left)
+        assert pause(memory) == (16, left)
     assert pause(solve(UNIQUE, "auto", start, memory=memory).memory) is None
 
 
