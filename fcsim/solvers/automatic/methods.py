@@ -49,7 +49,9 @@ OVERTAKEN = 0.1
 """Share of its own error below which Gauss-Seidel and proximal Newton take up another method's iterate."""
 ALPHA = 0.1
 """Proximal Newton's first alpha over the square root of the error, where it eliminates in the bodies' velocities: what it comes down to by
-itself on its way to that error (measured on piles of a thousand boxes). Noise on W needs the large one."""
+itself on its way to that error (measured on piles of a thousand boxes). Noise on W needs the large one. In joints of bodies of many
+velocities as well: 38 steps of a wall in an earthquake took 113 iterations for 126, of one of elastic and rigid bricks 0.92 of the time;
+0.03 there 92, but 1.1 of the time."""
 
 SWEEPS = GaussSeidelOptions()
 PATHS = PathOptions()
@@ -218,7 +220,8 @@ def proximal(race: Race, monitor: ShareOfMonitor) -> Turns:
             options = PROXIMAL_ON_SPRINGS
         elif elastic_joints(race):
             options = PROXIMAL_OF_JOINTS
-        alpha = min(options.alpha, ALPHA * float(np.sqrt(race.best))) if race.prices.in_velocities else options.alpha
+        begins_near = race.prices.in_velocities or elastic_joints(race)
+        alpha = min(options.alpha, ALPHA * float(np.sqrt(race.best))) if begins_near else options.alpha
         options = replace(options, max_iterations=race.options.max_iterations, alpha=alpha)
         return proximal_turns(race.problem, race.best_r(), monitor, options)
 

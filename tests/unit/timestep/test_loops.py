@@ -149,7 +149,7 @@ class Jumping(Bending):
 
 
 def test_auto_pauses_after_newton_has_failed() -> None:
-    """Not tried on the next problem, then on the next two, and no more pauses once it has an answer."""
+    """Not tried on the next problem, then on the next four, and no more pauses once it has an answer."""
     problem = touching()
     start = 1.01 * solve(problem, "NSN-AC", tol=TOL).r
     memory = Memory.of(np.arange(len(problem.mu)))
@@ -162,8 +162,8 @@ def test_auto_pauses_after_newton_has_failed() -> None:
         memory = result.memory
         return result.iterations > 0
 
-    assert [tried(Jumping(problem, still)) for _ in range(6)] == [True, False, True, False, False, True]
-    assert [tried(Bending(problem, still)) for _ in range(6)] == [False] * 4 + [True] * 2
+    assert [tried(Jumping(problem, still)) for _ in range(8)] == [True, False, True, *[False] * 4, True]
+    assert [tried(Bending(problem, still)) for _ in range(18)] == [False] * 16 + [True] * 2
     assert memory.earlier(Pause) is None
 
 
@@ -312,6 +312,15 @@ def test_error_of_the_one_loop_is_that_of_the_problem_it_ends_with() -> None:
     first, last = (float(np.linalg.norm(q)) for q in (problem.q, problem.reduction.q))
     assert abs(first - last) > 1e-3 * last
     assert_allclose(result.error, scaled_error(problem.reduction.local, result.r), rtol=1e-5)
+
+
+def test_one_loop_is_passed_over_where_newton_pauses() -> None:
+    """Of the problem nothing is asked."""
+    memory, attempts = Memory.of(np.arange(1)).having(Pause(np.empty(0, dtype=np.int64), length=4, left=3)), list[Attempt]()
+    nothing: Any = None
+    result, left = solve_followed(nothing, SolverSettings(name="auto"), np.zeros(3), nothing, 1.0, attempts, memory)
+    assert left is not None and (pause := left.earlier(Pause)) is not None
+    assert result is None and not attempts and pause.left == 2
 
 
 def test_bodies_that_only_reactions_hold_in_statics_go_by_the_sequence() -> None:

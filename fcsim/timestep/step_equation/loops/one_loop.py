@@ -18,6 +18,8 @@ from fcsim.problem import Answer, Followed, GlobalProblem, LocalProblem, natural
 from fcsim.problem.judge import relative
 from fcsim.problem.reduction import Reduction
 from fcsim.solvers import Memory, Result, method, solve
+from fcsim.solvers.automatic.pause import passed_over
+from fcsim.solvers.automatic.stages import AutomaticOptions
 from fcsim.timestep.chain import ONE_LOOP, Attempt, SolverSettings
 from fcsim.timestep.step_equation.equation import Equation
 from fcsim.timestep.step_equation.linearisation import Linearisation
@@ -123,6 +125,8 @@ def solve_followed(
 ) -> tuple[Result | None, Memory | None]:
     """As `solve_chain` of the settings' solver alone, in one loop: None also where the term has not settled, or where the error is above
     what is `allowed` for the last linearisation: the first, far from the motion, may have a q of another size."""
+    if isinstance(method(settings.name).options, AutomaticOptions) and (rest := passed_over(kept)) is not None:
+        return None, rest
     solved: Callable[..., Result] = solve  # which checks the options
     tol = allowed(problem.reduction)
     result = solved(problem, settings.name, r, tol=tol, floor=settings.least_motion, memory=kept, **settings.options)

@@ -432,14 +432,14 @@ def test_fischer_burmeister_enters_last(spent: float, running: bool, from_zero: 
 def test_proximal_newton_s_options_follow_from_how_bodies_touch(
     changes: dict[str, Any], options: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Its first alpha is a tenth of the error's root at the most."""
+    """Its first alpha is a tenth of the error's root at the most, in the bodies' velocities and in joints."""
     given: list[Any] = []
     monkeypatch.setattr(methods, "proximal_turns", lambda problem, r, monitor, chosen: given.append(chosen) or iter(()))
     race = state(**{"best": 1e-6, **changes})
     with pytest.raises(StopIteration):
         next(stage("proximal Newton").turns(race, None))  # type: ignore[arg-type]
     usual = getattr(methods, options)
-    assert given[0].alpha == pytest.approx(1e-4 if race.in_velocities else usual.alpha)
+    assert given[0].alpha == pytest.approx(1e-4 if race.in_velocities or options == "PROXIMAL_OF_JOINTS" else usual.alpha)
     assert given == [replace(usual, alpha=given[0].alpha, max_iterations=race.options.max_iterations)]
 
 
