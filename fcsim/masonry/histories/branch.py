@@ -16,7 +16,7 @@ import numpy as np
 from fcsim.arrays import FloatArray, is_number
 from fcsim.brief import shown
 from fcsim.contact_detection import Everything
-from fcsim.errors import InputError
+from fcsim.errors import InputError, NotConverged
 from fcsim.linkage import Control, Linkage
 from fcsim.masonry.bodies import rigid_blocks, vector_of
 from fcsim.masonry.limit_analysis.limit import associative_limit
@@ -81,9 +81,17 @@ def push_by_displacement(
         steps.append((displacement, multiplier))
         if watch is not None and np.isfinite(multiplier):
             watch(displacement, multiplier)
-    ran_away = len(steps) > 1 and steps[-1][1] < -_DROP * max(multiplier for _, multiplier in steps)
+    ran_away = len(steps) > 1 and steps[-1][1] < _as_before(steps[:-1], steps[-1][0]) - _DROP * max(multiplier for _, multiplier in steps)
     curve = np.array(steps[:-1] if ran_away else steps)
     return Branch(curve[:, 0], curve[:, 1], not ran_away)
+
+
+def _as_before(steps: list[tuple[float, float]], displacement: float) -> float:
+    """The multiplier at a displacement [m] behind the last of `steps` as it has fallen so far; 0 where it would not be below."""
+    if len(steps) < 2:
+        return 0.0
+    (before, more), (last, less) = steps[-2:]
+    return min(0.0, less - max(more - less, 0.0) * (displacement - last) / (last - before))
 
 
 def default_step(problem: MasonryProblem) -> float:
@@ -127,7 +135,14 @@ def branch_steps(
         # the control's pace is 1: times are displacements; eta h/h^2 = _SHARE g
         scheme, number = QuasiStatic(h, _SHARE * GRAVITY * h), 0 if moment is None else moment.number
         simulation = Simulation(model, detector, scheme, number + 1, SolverSettings(name="auto"), linkage=linkage, created=np.inf)
-        taken = next(iter(simulation.run(moment)))
+        try:
+            taken = next(iter(simulation.run(moment)))
+        except NotConverged:
+            if h <= _SMALLEST * step:
+                raise
+            h *= 0.5
+            tell(f"{1e3 * (0.0 if moment is None else moment.state.t):.6g} mm: no answer in {2e3 * h:.4g} mm: again in half of that")
+            continue
         lost = _regularisation(taken) / h / load
         multiplier = float(taken.link_force(NAME) @ along) / load - lost
         if before is not None and before - multiplier > _DROP * largest and h > _SMALLEST * step:
