@@ -114,6 +114,8 @@ def _overlaps(
         np.maximum.at(widest, body, widest_gap[which])
     of_these = bodies < count
     of_these[of_these] = np.isfinite(low[bodies[of_these], 0])
+    repeated = (np.diff(np.sort(facets, axis=1), axis=1) == 0) & (np.sort(facets, axis=1)[:, 1:] >= 0)
+    of_these &= ~repeated.any(axis=1)  # points that are named as surfaces
     given, owner = facets[of_these], bodies[of_these]
     closed = np.where(given < 0, given[:, :1], given)
     corners, reach = positions[closed], (_REACH * widest[owner])[:, None]

@@ -170,6 +170,18 @@ def test_each_foot_of_a_bridge_has_its_own_area(degrees: float) -> None:
     assert areas[~left].sum() == pytest.approx(0.15, rel=1e-9)
 
 
+def test_points_that_are_named_as_surfaces_have_no_area() -> None:
+    """A node of the joint, which a support may hold, is a surface of its own."""
+    stone = rectangle("stone", (1.0, 1.0), (2, 2), SOFT)
+    stone = replace(stone, surfaces={**stone.surfaces, "middle": np.array([[stone.surfaces["y-"][0, 1]] * 2])})
+    under = rigid_rectangle("floor", (3.0, 1.0), (0.5, -0.5), 1.0)
+    model = build_model([Body("stone", stone), under])
+    positions = model.positions(np.zeros(model.n_dofs))
+    pair = SurfacePair(contact_surface(model, [("stone", "y-")]), contact_surface(model, [("floor", "y+")]), 0.5, 1e-2)
+    contacts = Detector([pair], model.n_nodes)(positions)
+    assert proportions(model).area_at(contacts, positions).sum() == pytest.approx(1.0, rel=1e-9)
+
+
 def test_what_is_too_far_away_for_a_contact_has_no_area() -> None:
     """A slab of 4 x 4 facets that opens about one side: only its nodes there are in contact, with half of a row of facets."""
     slab, floor = rigid_box("slab", (1, 1, 0.1), (0, 0, 0.05), 1.0, (4, 4, 1)), rigid_box("floor", (3, 3, 1), (0, 0, -0.5), 1.0)

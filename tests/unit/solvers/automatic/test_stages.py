@@ -358,12 +358,11 @@ def test_admm_waits_for_what_its_first_iterations_cost_where_bodies_may_rest(mon
 
 
 @pytest.mark.slow
-def test_paths_solve_a_bed_in_which_proximal_newton_is_stuck() -> None:
-    """Rocks whose best iterate stays at 7e-7 for 70 000 iterations of all others; a path of some pieces leads on from there."""
+def test_a_bed_of_rocks_in_which_proximal_newton_was_stuck_is_solved() -> None:
+    """Rocks whose best iterate stayed at 7e-7 for 70 000 iterations; proximal Newton from elsewhere, or a path of some pieces, leads on."""
     p = local("rocks", 600, 1042)
     result = solve(p, "auto", tol=1e-8, max_iterations=9_000)
     assert result.solved and result.error <= 1e-8
-    assert not solve(p, "auto", tol=1e-8, max_iterations=9_000, without=("paths",)).solved
 
 
 def test_admm_does_what_sweeps_that_stand_still_do_not(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -388,8 +387,7 @@ def test_admm_does_what_sweeps_that_stand_still_do_not(monkeypatch: pytest.Monke
 @pytest.mark.slow
 @pytest.mark.parametrize("size", [300, 600])
 def test_a_bed_of_grains_with_large_friction_is_solved_from_zero(size: int) -> None:
-    """Proximal Newton arrives from zero, not from the best iterate of the others, 3e-8 and 3e-7."""
+    """Beds of friction up to 5 that were left at 3e-8 and 3e-7."""
     problem = problems("frictions", size, 832)
-    assert not solve(problem, "auto", tol=1e-8, without=("proximal Newton from zero",)).status.solved
     result = solve(problem, "auto", tol=1e-8)
     assert result.status.solved and result.error <= 1e-8
