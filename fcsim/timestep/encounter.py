@@ -208,6 +208,16 @@ class Anew:
         return joined_by_facets(self.model, self.detection.nodes)
 
 
+@dataclass(frozen=True, eq=False)
+class Told:
+    """What a law is told beside the contacts of a step and where they are: the fields of `Meeting` of the same names."""
+
+    proportions: Proportions
+    variables: Variables | None
+    bend: FloatArray | None = None
+    trial: Variables | None = None
+
+
 def encounter(
     model: Model, detection: Detection, scheme: Scheme, state: State, proportions: Proportions, variables: Variables | None
 ) -> Encounter:
@@ -221,7 +231,7 @@ def encounter(
         there = detection(later)
         taking = there.identity[comes_after(here, positions, there, later, proportions)]
         contacts = contacts.take(~(near & np.isin(contacts.identity, taking) & ~np.isin(contacts.identity, here.identity)))
-    return under_law(model, scheme, state, contacts, positions, proportions, variables, configuration=configuration)
+    return _under_law(model, scheme, state, contacts, positions, Told(proportions, variables), configuration)
 
 
 def met_on_the_way(
@@ -231,9 +241,7 @@ def met_on_the_way(
     state: State,
     v: FloatArray,
     more: Contacts | None,
-    proportions: Proportions,
-    variables: Variables | None,
-    trial: Variables | None = None,
+    told: Told,
 ) -> Encounter:
     """The contacts of a step of statics as they are found at its iterate v (n_dofs,) [m], for increments from its beginning.
 
@@ -248,27 +256,16 @@ def met_on_the_way(
         found = found.take(np.argsort(found.identity, kind="stable"))
     H = contact_matrix_of_bodies(found, model, x)
     back = found.gap - transposed_times(H, v).reshape(len(found), -1)[:, 0] if len(found) else found.gap
-    met = under_law(model, scheme, state, replace(found, gap=back), positions, proportions, variables, configuration=x, trial=trial)
+    met = _under_law(model, scheme, state, replace(found, gap=back), positions, told, x)
     return replace(met, contacts=replace(met.contacts, gap=found.gap[np.searchsorted(found.identity, met.contacts.identity)]))
 
 
-def under_law(
-    model: Model,
-    scheme: Scheme,
-    state: State,
-    contacts: Contacts,
-    positions: FloatArray,
-    proportions: Proportions,
-    variables: Variables | None,
-    bend: FloatArray | None = None,
-    configuration: FloatArray | None = None,
-    trial: Variables | None = None,
+def _under_law(
+    model: Model, scheme: Scheme, state: State, contacts: Contacts, positions: FloatArray, told: Told, configuration: FloatArray
 ) -> Encounter:
-    """Ask the law about contacts at `positions` (n_nodes, d) [m]; bend (nc,) [m] and trial: see `Meeting`; configuration (n_dofs,):
-    where rigid bodies stand, None = as they are detected."""
-    law = scheme.law
-    configuration = scheme.detection_configuration(model, state) if configuration is None else configuration
-    variables = handed_on(variables, contacts, positions, proportions)
+    """Ask the law about contacts at `positions` (n_nodes, d) [m] of the bodies in `configuration` (n_dofs,)."""
+    law, proportions, bend = scheme.law, told.proportions, told.bend
+    variables = handed_on(told.variables, contacts, positions, proportions)
     chosen = law.select(contacts, proportions, variables)
     through = left = None
     if not chosen.all():
@@ -284,7 +281,7 @@ def under_law(
         at_one_point(model, H, contacts)
     shape = (len(contacts), contacts.dimension)
     before = transposed_times_by_ranks(H, scheme.velocity_before(model, state)).reshape(shape) if moving else np.zeros(shape)
-    meeting = Meeting(contacts, positions, before, state.t, scheme.timing, variables, proportions, bend, trial)
+    meeting = Meeting(contacts, positions, before, state.t, scheme.timing, variables, proportions, bend, told.trial)
     terms, driven = law.terms(meeting), None
     refuse_endless(terms.mu)
     apart = moved_by_supports(model, H, contacts.dimension, proportions)
@@ -303,8 +300,9 @@ def asked_again(
     model: Model, scheme: Scheme, state: State, met: Encounter, contacts: Contacts, bend: FloatArray | None = None
 ) -> Encounter:
     """Ask the law about other contacts of the same step, at the positions and with the memory of `met`; bend (nc,) [m]: see `Meeting`."""
-    told = met.meeting
-    return under_law(model, scheme, state, contacts, told.positions, told.proportions, told.variables, bend, trial=told.trial)
+    before = met.meeting
+    told = Told(before.proportions, before.variables, bend, before.trial)
+    return _under_law(model, scheme, state, contacts, before.positions, told, scheme.detection_configuration(model, state))
 
 
 def _separated(H: sp.sparray, meeting: Meeting, apart: BoolArray) -> tuple[Driven, sp.csc_array, Meeting]:

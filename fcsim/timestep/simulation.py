@@ -26,7 +26,7 @@ from fcsim.timestep.beginning.first_half import passes, refuse_going_through
 from fcsim.timestep.beginning.impact import remark, struck
 from fcsim.timestep.chain import Attempt, Clock, SolverSettings, given_up, not_converged, settings_of_model
 from fcsim.timestep.creation import REST, energy_at_rest, refuse_creation
-from fcsim.timestep.encounter import Anew, Encounter, encounter, met_on_the_way
+from fcsim.timestep.encounter import Anew, Encounter, Told, encounter, met_on_the_way
 from fcsim.timestep.energy import Energy
 from fcsim.timestep.limits import NAMED_STRAIN, Limits, refuse_beyond
 from fcsim.timestep.links.linked import linked, refuse_linkage, refuse_unseen_cables
@@ -266,9 +266,9 @@ class Simulation:
         """What finds contacts at the iterates of a step of statics; None in dynamics."""
         if equation.scheme.timing.moving:
             return None
-        model, state, trial = self.model, start.state, equation.met.meeting.trial
-        known = partial(met_on_the_way, proportions=self._proportions, variables=start.variables, trial=trial)
-        return Anew(lambda by, v, more: known(model, by, equation.scheme, state, v, more), self.detector, model)
+        model, scheme, state = self.model, equation.scheme, start.state
+        told = Told(self._proportions, start.variables, trial=equation.met.meeting.trial)
+        return Anew(lambda by, v, more: met_on_the_way(model, by, scheme, state, v, more, told), self.detector, model)
 
     def _part(
         self, start: Moment, cuts: int, kept: dict[int, Memory] | None, anchor: Moment, clock: Clock, attempts: list[Attempt]
