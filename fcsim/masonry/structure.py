@@ -127,7 +127,7 @@ def _deformable(problem: MasonryProblem, block: Block, stone: Stone, meshed: dic
         elif problem.dimension == 2:
             corners, thickness = outline(block)
             size = stone.cells * float(np.linalg.norm(np.roll(corners, -1, axis=0) - corners, axis=1).min())
-            meshed[key] = meshed_polygon(block.name, corners - origin[[0, 2]], material, size, thickness=thickness, elements=None)
+            meshed[key] = meshed_polygon(block.name, corners - origin[[0, 2]], material, size, thickness=thickness)
         else:
             whole = ClosedSurface(block.name, shape, surface.triangles, surface.polygons)
             meshed[key] = meshed_solid(whole, material, stone.cells * float(edges.min()))

@@ -48,7 +48,7 @@ def half_ball(
     Surfaces: "contact", the core's part of the curved surface; "curved", all of it; "middle", the plane through the ball's centre;
     "x-", "y-", the planes of symmetry.
     """
-    return _half_round(name, radius, core, divisions, material, 3, whole, side, layers)
+    return _half_round(_Layered(name, radius, core, divisions, 3, whole, side, layers), material)
 
 
 def half_disk(
@@ -66,7 +66,7 @@ def half_disk(
 
     Arguments and surfaces as in `half_ball`; `whole` is "" (x >= 0) or "x".
     """
-    return _half_round(name, radius, core, divisions, material, 2, whole, side, layers)
+    return _half_round(_Layered(name, radius, core, divisions, 2, whole, side, layers), material)
 
 
 def graded_brick(
@@ -85,7 +85,7 @@ def graded_brick(
     `core`, `divisions`, `whole`, `layers` as in `half_ball`. Surfaces: "contact", the core's face in z = 0; "face", all of that face;
     "base", the face opposite; "rim", the outer faces in between; "x-", "y-", the planes of symmetry.
     """
-    return _half_space(name, size, core, divisions, material, 3, whole, side, layers)
+    return _half_space(_Layered(name, size, core, divisions, 3, whole, side, layers), material)
 
 
 def graded_rectangle(
@@ -100,16 +100,46 @@ def graded_rectangle(
     layers: int | None = None,
 ) -> Part:
     """Return a rectangle under the line y = 0 (or above it), as `graded_brick` does a brick; quadrilaterals in plane strain."""
-    return _half_space(name, size, core, divisions, material, 2, whole, side, layers)
+    return _half_space(_Layered(name, size, core, divisions, 2, whole, side, layers), material)
 
 
-def _half_round(
-    name: str, radius: float, core: float, divisions: int, material: AnyMaterial, d: int, whole: str, side: Side, layers: int | None
-) -> Part:
-    if not (is_number(core) and is_number(radius) and 0 < core < radius):
-        raise InputError(f"{name!r}: expected 0 < core < radius in m, got core {shown(core)} and radius {shown(radius)}")
-    width = np.tan(np.arcsin(core / radius) / 2)  # the core's half-width in the unit ball
-    grid = _grid(name, 1 / width, divisions, d, whole, side, layers)
+@dataclass(frozen=True)
+class _Layered:
+    """What was asked for: a body of `radius` or reach `size` [m] in d dimensions, the rest as in `half_ball`."""
+
+    name: str
+    size: float
+    core: float
+    divisions: int
+    d: int
+    whole: str
+    side: Side
+    layers: int | None
+
+    def check(self, size: str) -> None:
+        """InputError for what no such body has; size: what the caller calls it."""
+        if not (is_number(self.core) and is_number(self.size) and 0 < self.core < self.size):
+            got = f"core {shown(self.core)} and {size} {shown(self.size)}"
+            raise InputError(f"{self.name!r}: expected 0 < core < {size} in m, got {got}")
+        if self.side not in ("above", "below"):
+            raise InputError(f"{self.name!r}, side: expected 'above' or 'below', got {self.side!r}")
+        if not set(self.whole) <= set(self.across):
+            raise InputError(f"{self.name!r}, whole: expected axes among {self.across!r}, got {self.whole!r}")
+        for what, given in (("divisions", self.divisions), ("layers", self.layers)):
+            if given is not None and (given < 1 or given != int(given)):
+                raise InputError(f"{self.name!r}, {what}: expected a whole number >= 1, got {given!r}")
+
+    @property
+    def across(self) -> str:
+        """The axes in the plane that the body touches."""
+        return AXES[: self.d - 1]
+
+
+def _half_round(asked: _Layered, material: AnyMaterial) -> Part:
+    asked.check("radius")
+    radius = asked.size
+    width = np.tan(np.arcsin(asked.core / radius) / 2)  # the core's half-width in the unit ball
+    grid = _grid(asked, 1 / width)
     cubical, distance = grid.points, np.abs(grid.points).max(axis=1)
     outside = np.maximum(distance, 1.0)
     length = np.linalg.norm(cubical, axis=1)
@@ -124,21 +154,18 @@ def _half_round(
     points = np.empty_like(unit)
     points[:, :-1] = 2 * radius * quotient[:, None] * unit[:, :-1]
     height = 2 * radius * quotient * (aside + up * (1 + up))  # = 2 R - 2 R (1 + up) quotient, without its cancellation
-    points[:, -1] = height if side == "above" else -height
+    points[:, -1] = height if asked.side == "above" else -height
     outer = distance >= (1 - _REACHED) / width
-    return grid.part(name, points, material, {"curved": grid.plane, "middle": outer})
+    return grid.part(asked.name, points, material, {"curved": grid.plane, "middle": outer})
 
 
-def _half_space(
-    name: str, size: float, core: float, divisions: int, material: AnyMaterial, d: int, whole: str, side: Side, layers: int | None
-) -> Part:
-    if not (is_number(core) and is_number(size) and 0 < core < size):
-        raise InputError(f"{name!r}: expected 0 < core < size in m, got core {shown(core)} and size {shown(size)}")
-    reach = size / core
-    grid = _grid(name, reach, divisions, d, whole, side, layers)
+def _half_space(asked: _Layered, material: AnyMaterial) -> Part:
+    asked.check("size")
+    reach = asked.size / asked.core
+    grid = _grid(asked, reach)
     base = np.abs(grid.points[:, -1]) >= reach * (1 - _REACHED)
     rim = np.abs(grid.points[:, :-1]).max(axis=1) >= reach * (1 - _REACHED)
-    return grid.part(name, core * grid.points, material, {"face": grid.plane, "base": base, "rim": rim})
+    return grid.part(asked.name, asked.core * grid.points, material, {"face": grid.plane, "base": base, "rim": rim})
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,17 +201,10 @@ class _Grid:
         return facets[single], single < self.core_cells * len(local)
 
 
-def _grid(name: str, reach: float, divisions: int, d: int, whole: str, side: Side, layers: int | None) -> _Grid:
+def _grid(asked: _Layered, reach: float) -> _Grid:
     """The core [-1 or 0, 1]^(d-1) x [0, 1] (below: [-1, 0]) and layers of the maximum norm from 1 to `reach`."""
-    across = AXES[: d - 1]
-    if side not in ("above", "below"):
-        raise InputError(f"{name!r}, side: expected 'above' or 'below', got {side!r}")
-    if not set(whole) <= set(across):
-        raise InputError(f"{name!r}, whole: expected axes among {across!r}, got {whole!r}")
-    for what, given in (("divisions", divisions), ("layers", layers)):
-        if given is not None and (given < 1 or given != int(given)):
-            raise InputError(f"{name!r}, {what}: expected a whole number >= 1, got {given!r}")
-    layers = layers or max(1, round(divisions * np.log(reach)))  # then as long as they are wide
+    name, d, across, whole, side, divisions = asked.name, asked.d, asked.across, asked.whole, asked.side, asked.divisions
+    layers = asked.layers or max(1, round(divisions * np.log(reach)))  # then as long as they are wide
     lower = np.array([-1.0 if axis in whole else 0.0 for axis in across] + [0.0 if side == "above" else -1.0])
     upper = np.array([1.0] * (d - 1) + [1.0 if side == "above" else 0.0])
     counts = np.round(divisions * (upper - lower)).astype(int)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from types import ModuleType
-from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,10 +17,10 @@ from fcsim.mesh.solids.closed_surface import ClosedSurface
 from fcsim.runtime import gmsh_model
 
 
-def meshed_solid(surface: ClosedSurface, material: Material, size: float, *, elements: str | None = None) -> Part:
+def meshed_solid(surface: ClosedSurface, material: Material, size: float) -> Part:
     """Return the part within a closed surface, with the surface "skin"; cells of about `size` [m].
 
-    Six faces of four sides around eight corners: structured hexahedra; other shapes: tetrahedra. elements: those of `Part`.
+    Six faces of four sides around eight corners: structured hexahedra; other shapes: tetrahedra.
     """
     _checked(surface.name, size)
     box = len(surface.points) == 8 and sorted(map(len, surface.polygons)) == [4] * 6
@@ -30,22 +29,13 @@ def meshed_solid(surface: ClosedSurface, material: Material, size: float, *, ele
         lines: dict[tuple[int, int], int] = {}
         faces = [gmsh.model.geo.addPlaneSurface([_loop(gmsh, corner, lines, polygon)]) for polygon in surface.polygons]
         volume = gmsh.model.geo.addVolume([gmsh.model.geo.addSurfaceLoop(faces)])
-        return _meshed(gmsh, surface.name, material, (3, [volume]), (2, faces), box, elements)
+        return _meshed(gmsh, surface.name, material, (3, [volume]), (2, faces), box)
 
 
-def meshed_polygon(
-    name: str,
-    points: ArrayLike,
-    material: Material,
-    size: float,
-    *,
-    thickness: float = 1.0,
-    plane: Literal["strain", "stress"] = "strain",
-    elements: str | None = None,
-) -> Part:
+def meshed_polygon(name: str, points: ArrayLike, material: Material, size: float, *, thickness: float = 1.0) -> Part:
     """Return the plane part within a polygon of corners (n, 2) [m], with the surface "skin"; cells of about `size` [m].
 
-    Four corners: structured quadrilaterals; other shapes: triangles. The rest are those of `Part`.
+    Four corners: structured quadrilaterals; other shapes: triangles. In plane strain; thickness [m].
     """
     _checked(name, size)
     p = numbers_of(points)
@@ -55,7 +45,7 @@ def meshed_polygon(
         corner = [gmsh.model.geo.addPoint(x, y, 0.0, size) for x, y in p.tolist()]
         lines: dict[tuple[int, int], int] = {}
         face = gmsh.model.geo.addPlaneSurface([_loop(gmsh, corner, lines, tuple(range(len(p))))])
-        return _meshed(gmsh, name, material, (2, [face]), (1, list(lines.values())), len(p) == 4, elements, thickness, plane)
+        return _meshed(gmsh, name, material, (2, [face]), (1, list(lines.values())), len(p) == 4, thickness)
 
 
 def _checked(name: str, size: float) -> None:
@@ -82,9 +72,7 @@ def _meshed(
     inside: tuple[int, list[int]],
     skin: tuple[int, list[int]],
     structured: bool,
-    elements: str | None,
     thickness: float = 1.0,
-    plane: Literal["strain", "stress"] = "strain",
 ) -> Part:
     gmsh.model.geo.synchronize()
     gmsh.model.addPhysicalGroup(*inside, name="body")
@@ -92,4 +80,4 @@ def _meshed(
     if structured:
         gmsh.model.mesh.setTransfiniteAutomatic(recombine=True)
     gmsh.model.mesh.generate(inside[0])
-    return part_from_gmsh(gmsh, name, material, elements=elements, thickness=thickness, plane=plane)
+    return part_from_gmsh(gmsh, name, material, thickness=thickness)
