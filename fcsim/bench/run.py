@@ -39,6 +39,17 @@ class Limits:
     """Tighter tolerances than one that was not met in time are recorded as TIME_LIMIT without a try."""
 
 
+@dataclass(frozen=True)
+class Plan:
+    """What a bench measures: each of the solvers on each problem that it is made for, to each tolerance, within limits."""
+
+    entries: Sequence[Entry]
+    solvers: Sequence[str]
+    tols: Sequence[float]
+    limits: Limits
+    settings: Settings
+
+
 def solves(solver: str, entry: Entry) -> bool:
     """Whether a solver is for problems of that form and dimension."""
     if not solver.startswith(SICONOS):
@@ -137,27 +148,24 @@ def _alone(directory: Path) -> Iterator[None]:
         yield
 
 
-def _chains(entries: Sequence[Entry], solvers: Sequence[str], tols: Sequence[float], settings: Settings, directory: Path) -> list[Chain]:
+def _chains(plan: Plan, directory: Path) -> list[Chain]:
+    """The plan's chains with what the table of `directory` has of them. InputError for a table that cannot go on."""
     known: dict[tuple[str, str, str], dict[float, Measurement]] = defaultdict(dict)
-    sizes = {(entry.name, entry.form): (entry.dimension, entry.nc, entry.n) for entry in entries}
+    sizes = {(entry.name, entry.form): (entry.dimension, entry.nc, entry.n) for entry in plan.entries}
     for m in read_results(directory):
         there = (m.dimension, m.nc, m.n)
         if sizes.get((m.problem, m.form), there) != there:
             raise InputError(f"{directory / FILE}: its {m.form} problem {m.problem} has other sizes than the file; choose another --out")
-        if m.threads != settings.threads:
-            raise InputError(f"{directory / FILE}: measured with {m.threads} threads, expected {settings.threads}; choose another --out")
+        if m.threads != (threads := plan.settings.threads):
+            raise InputError(f"{directory / FILE}: measured with {m.threads} threads, expected {threads}; choose another --out")
         if m.plugin == plugin_of(m.solver):  # what a plugin did before it was changed is measured anew
             known[m.problem, m.form, m.solver][m.tol] = m
-    ordered = sorted(set(tols), reverse=True)
-    return [Chain(e, s, ordered, known[e.name, e.form, s]) for e in entries for s in solvers if solves(s, e)]
+    ordered = sorted(set(plan.tols), reverse=True)
+    return [Chain(e, s, ordered, known[e.name, e.form, s]) for e in plan.entries for s in plan.solvers if solves(s, e)]
 
 
 def bench(
-    entries: Sequence[Entry],
-    solvers: Sequence[str],
-    tols: Sequence[float],
-    limits: Limits,
-    settings: Settings,
+    plan: Plan,
     directory: Path,
     launch: Callable[[], AbstractContextManager[Launcher | None]],
     watch: Watch = lambda progress, measurement: None,
@@ -176,18 +184,17 @@ def bench(
         directory.mkdir(parents=True, exist_ok=True)
         take_over(directory)
         with _alone(directory):
-            chains = _chains(entries, solvers, tols, settings, directory)
+            chains = _chains(plan, directory)
             started()
-            return _measure(chains, limits, settings, directory, launcher, watch)
+            return _measure(_Turns(chains, plan, directory, launcher, watch))
 
 
 class _Turns:
     """The chains of a bench while their measurements are made: what runs, what was measured, what cannot be read."""
 
-    def __init__(
-        self, chains: Sequence[Chain], limits: Limits, settings: Settings, directory: Path, launcher: Launcher, watch: Watch
-    ) -> None:
-        self.limits, self.settings, self.directory, self.launcher, self.watch = limits, settings, directory, launcher, watch
+    def __init__(self, chains: Sequence[Chain], plan: Plan, directory: Path, launcher: Launcher, watch: Watch) -> None:
+        self.limits, self.settings, self.directory, self.launcher, self.watch = plan.limits, plan.settings, directory, launcher, watch
+        limits = plan.limits
         self.waiting = deque(chain for chain in chains if chain.missing(limits))
         self.estimate = Estimate(launcher.places, limits)
         for chain in self.waiting:
@@ -237,16 +244,16 @@ class _Turns:
         self.advance(chain)
 
 
-def _measure(chains: Sequence[Chain], limits: Limits, settings: Settings, directory: Path, launcher: Launcher, watch: Watch) -> Progress:
-    turns = _Turns(chains, limits, settings, directory, launcher, watch)
-    watch(turns.progress, None)
+def _measure(turns: _Turns) -> Progress:
+    """Make all measurements, as many at a time as the launcher has places."""
+    turns.watch(turns.progress, None)
     while turns.waiting or turns.running:
-        while turns.waiting and len(turns.running) < launcher.places:
+        while turns.waiting and len(turns.running) < turns.launcher.places:
             turns.advance(turns.waiting.popleft())
         # a timeout, so that signals are seen
         finished, _ = wait(turns.running, timeout=0.5, return_when=FIRST_COMPLETED)
         for future in finished:
             turns.take(future)
         if not finished:
-            watch(turns.progress, None)
+            turns.watch(turns.progress, None)
     return turns.progress

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
@@ -39,43 +40,44 @@ def write_step(
     iterations: of a step with nonlinear bodies also the problems that led to the last one, as the sets <SET>-newton00, -newton01, ...
     Returns the files' paths; a step without contacts is written too.
     """
-    return [write() for write in step_files(directory, step, fclib_set, forms, iterations, title, description, compression)]
+    series = FclibSeries(Path(directory), fclib_set, tuple(forms), iterations, description, compression)
+    return [write() for write in series.files(step, title)]
 
 
-def step_files(
-    directory: str | Path,
-    step: Step,
-    fclib_set: str,
-    forms: Iterable[str],
-    iterations: bool,
-    title: str,
-    description: str,
-    compression: bool | Compressor,
-) -> list[Callable[[], Path]]:
-    """What writes the files of `write_step`, one call a file; all that needs the step's factors is computed here already."""
-    forms = tuple(forms)
-    if unknown := [form for form in forms if form not in ("global", "local")]:
-        raise InputError(f"FCLIB form {unknown[0]!r}: expected 'global' or 'local'")
-    if isinstance(step.problem, GlobalRollingProblem) and "local" in forms:
-        raise InputError("FCLIB form 'local': expected 'global' with rolling resistance, for which FCLIB has no local form")
-    to = _Files(Path(directory), forms, step, title, description, compression)
-    files = to.of(fclib_set, step.reduction, step.result, step.start, step.guess)
-    for k, earlier in enumerate(step.linearised[:-1] if iterations else ()):
-        reduction = Reduction(earlier.problem, BlockFactor(earlier.problem.entries))
-        guess = reduction.velocity(earlier.start)
-        files += to.of(f"{fclib_set}-newton{k:02d}", reduction, earlier.result, earlier.start, guess)
-    return files
+@dataclass(frozen=True)
+class FclibSeries:
+    """Where the steps' problems are written, which of them, and what the files say; as in `write_step`."""
+
+    directory: Path
+    fclib_set: str
+    forms: tuple[str, ...]
+    iterations: bool
+    description: str
+    compression: bool | Compressor
+
+    def files(self, step: Step, title: str) -> list[Callable[[], Path]]:
+        """What writes the files of a step, one call a file; all that needs the step's factors is computed here already."""
+        if unknown := [form for form in self.forms if form not in ("global", "local")]:
+            raise InputError(f"FCLIB form {unknown[0]!r}: expected 'global' or 'local'")
+        if isinstance(step.problem, GlobalRollingProblem) and "local" in self.forms:
+            raise InputError("FCLIB form 'local': expected 'global' with rolling resistance, for which FCLIB has no local form")
+        to = _Files(self, step.number, title, _length(step))
+        files = to.of(self.fclib_set, step.reduction, step.result, step.start, step.guess)
+        for k, earlier in enumerate(step.linearised[:-1] if self.iterations else ()):
+            reduction = Reduction(earlier.problem, BlockFactor(earlier.problem.entries))
+            guess = reduction.velocity(earlier.start)
+            files += to.of(f"{self.fclib_set}-newton{k:02d}", reduction, earlier.result, earlier.start, guess)
+        return files
 
 
+@dataclass(frozen=True)
 class _Files:
-    """Where and how the files of one step are written."""
+    """The files of the step `number`; length: what they say of its length."""
 
-    def __init__(
-        self, directory: Path, forms: tuple[str, ...], step: Step, title: str, description: str, compression: bool | Compressor
-    ) -> None:
-        self._directory, self._forms, self._step = directory, forms, step.number
-        self._length = _length(step)
-        self._title, self._description, self._compression = title, description, compression
+    series: FclibSeries
+    number: int
+    title: str
+    length: str
 
     def of(
         self, fclib_set: str, reduction: Reduction, result: Result, start: FloatArray, velocity: tuple[FloatArray, FloatArray | None]
@@ -85,7 +87,7 @@ class _Files:
         guess = Solution(transposed_times(problem.H, v) + problem.w, start, v, multiplier)
         answer = Solution(result.u, result.r, result.v, result.multiplier)
         files: list[Callable[[], Path]] = []
-        for form in self._forms:
+        for form in self.series.forms:
             given = problem if form == "global" else reduction.local.whole
             files.append(partial(self._write, form, given, fclib_set, problem, result, answer, guess))
         return files
@@ -100,9 +102,9 @@ class _Files:
         answer: Solution,
         guess: Solution,
     ) -> Path:
-        path = self._directory / form / file_name(fclib_set, result.iterations, problem.nc, self._step)
+        path = self.series.directory / form / file_name(fclib_set, result.iterations, problem.nc, self.number)
         path.parent.mkdir(parents=True, exist_ok=True)
-        for earlier in path.parent.glob(f"{fclib_set}-i*-{self._step:05d}.hdf5"):  # of a run that was interrupted after this step
+        for earlier in path.parent.glob(f"{fclib_set}-i*-{self.number:05d}.hdf5"):  # of a run that was interrupted after this step
             earlier.unlink()
         if form == "local":
             answer, guess = Solution(answer.u, answer.r), Solution(guess.u, guess.r)
@@ -111,11 +113,11 @@ class _Files:
             given,
             solution=answer,
             guesses=(guess,),
-            title=self._title,
-            description=self._description,
+            title=self.title,
+            description=self.series.description,
             math_info=f"n = {problem.n}, nc = {problem.nc}, m/n = {problem.m / max(problem.n, 1):.4g}; solved by {result.method} in "
-            f"{result.iterations} iterations, error {result.error:.3e}; {self._length}",
-            compression=self._compression,
+            f"{result.iterations} iterations, error {result.error:.3e}; {self.length}",
+            compression=self.series.compression,
         )
 
 

@@ -18,7 +18,7 @@ from fcsim.interrupts import end_forks_of
 from fcsim.ranks import shared
 from fcsim.running.case import Case
 from fcsim.running.checkpoint import write_checkpoint
-from fcsim.running.fclib_series import step_files
+from fcsim.running.fclib_series import FclibSeries
 from fcsim.running.step_table import Row, StepTable, write_hdf5
 from fcsim.running.vtk_series import SeriesWriter
 from fcsim.runtime import release_freed_memory, threads
@@ -78,9 +78,10 @@ class Outputs:
         self._process = os.getpid()
         self._table = StepTable(directory / "steps.csv", case.sensors, start)
         self._series = SeriesWriter(directory / "vtk", case.simulation.model) if options.vtk_every else None
-        self._compressor = Compressor()
         about = (case.description, f"fcsim {__version__}", f"parameters: {asdict(parameters)}")  # type: ignore[call-overload]
-        self._about = "; ".join(filter(None, about))
+        text = "; ".join(filter(None, about))
+        forms, iterations = options.export_forms, options.export_iterations
+        self._fclib = FclibSeries(directory / "fclib", case.fclib_set, forms, iterations, text, Compressor())
         self._beside: ThreadPoolExecutor | None = None
         self._writing: deque[Future[None]] = deque()  # steps on their way, in their order
         self._failed = False
@@ -100,7 +101,7 @@ class Outputs:
         kept = final or bool(options.checkpoint_every and step.number % options.checkpoint_every == 0)
         more = exported or drawn or kept
         self._wait(0 if more else ROWS_BEHIND_FILES)
-        row, files = self._table.row(step), self._files(step) if exported else []
+        row, files = self._table.row(step), self._fclib.files(step, f"{self._case.title}, step {step.number}") if exported else []
         write = partial(self._write, step, row, files, drawn=drawn, kept=kept, prepared=time.perf_counter() - begin)
         if self._writing or (more and not final and self._may_be_beside):
             self._beside = self._beside or ThreadPoolExecutor(1, "fcsim-files")
@@ -149,18 +150,6 @@ class Outputs:
         while self._writing and (len(self._writing) > behind or self._writing[0].done()):
             wait([self._writing[0]])  # where an interrupt strikes here, `end` waits anew
             self._writing.popleft().result()
-
-    def _files(self, step: Step) -> list[Callable[[], Path]]:
-        return step_files(
-            self._directory / "fclib",
-            step,
-            self._case.fclib_set,
-            self._options.export_forms,
-            self._options.export_iterations,
-            f"{self._case.title}, step {step.number}",
-            self._about,
-            self._compressor,
-        )
 
     def end(self, describe_end: Callable[[], None], failed: bool = False) -> None:
         """Write what is written last: what was taken before, checkpoint, table with units, and then the description, so that a run that is

@@ -88,7 +88,7 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
 def _bench(options: argparse.Namespace) -> int:
     from fcsim.bench.problems import entries
     from fcsim.bench.results import FILE, read_results
-    from fcsim.bench.run import Limits
+    from fcsim.bench.run import Limits, Plan
 
     check_measuring(options)
     tols, solvers = tolerances_of(options.tols), solvers_of(options.solvers, options.siconos)
@@ -105,7 +105,7 @@ def _bench(options: argparse.Namespace) -> int:
         "unreadable": unreadable,
     }
     try:
-        progress = measured(options, problems, solvers, tols, limits, settings, directory, about)
+        progress = measured(options, Plan(problems, solvers, tols, limits, settings), directory, about)
     except KeyboardInterrupt as interrupt:
         return tell_interrupted(directory, interrupt)
     if progress is None:  # an MPI rank that served

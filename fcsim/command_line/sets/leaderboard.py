@@ -249,7 +249,7 @@ def _leaderboard(options: argparse.Namespace) -> int:
     from fcsim.bench.reporting.leaderboard import Circumstances, group_table, heading, write_leaderboard
     from fcsim.bench.reporting.standings import ALL, groups
     from fcsim.bench.results import FILE, read_results
-    from fcsim.bench.run import Limits
+    from fcsim.bench.run import Limits, Plan
 
     check_measuring(options)
     tols = sorted(set(tolerances_of(options.tols)), reverse=True)
@@ -260,7 +260,7 @@ def _leaderboard(options: argparse.Namespace) -> int:
         problems, places, notes = _problems(options)
         _announce(options, len(problems), solvers, tols)
         command = command_of(options)
-        progress = measured(options, problems, solvers, tols, limits, settings, options.folder, {"command": command})
+        progress = measured(options, Plan(problems, solvers, tols, limits, settings), options.folder, {"command": command})
     except KeyboardInterrupt as interrupt:
         return tell_interrupted(options.folder, interrupt)
     assert progress is not None  # no launcher of this command has ranks

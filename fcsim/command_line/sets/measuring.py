@@ -19,9 +19,8 @@ from fcsim.interrupts import ended_by, ended_politely
 from fcsim.version import __version__
 
 if TYPE_CHECKING:
-    from fcsim.bench.problems import Entry
     from fcsim.bench.results import Measurement
-    from fcsim.bench.run import Limits, Progress
+    from fcsim.bench.run import Plan, Progress
     from fcsim.bench.workers.launch import Launcher
     from fcsim.bench.workers.worker import Settings
 
@@ -117,22 +116,14 @@ def settings_of(options: argparse.Namespace, solvers: list[str]) -> Settings:
     return Settings(options.threads, plugins, str(options.siconos_python), version)
 
 
-def measured(
-    options: argparse.Namespace,
-    problems: Sequence[Entry],
-    solvers: Sequence[str],
-    tols: Sequence[float],
-    limits: Limits,
-    settings: Settings,
-    directory: Path,
-    about: Mapping[str, object],
-) -> Progress | None:
+def measured(options: argparse.Namespace, plan: Plan, directory: Path, about: Mapping[str, object]) -> Progress | None:
     """Make the measurements that the table of `directory` lacks, under a bar; `about` goes into its bench.json with the rest of how it was
     called. None on an MPI rank that only served. `tell_interrupted` says what KeyboardInterrupt leaves."""
     from fcsim.bench.run import bench
     from fcsim.bench.workers.jobs import by_jobs
     from fcsim.bench.workers.launch import local, over_mpi
 
+    limits, settings = plan.limits, plan.settings
     # a job's own memory holds the problem and what has read it, too: the limit on each solve is the worker's
     cluster = cluster_of(options, seconds=options.job_time, at_once=options.jobs, threads=options.threads, memory=None)
 
@@ -143,9 +134,9 @@ def measured(
 
     circumstances = {
         **about,
-        "problems": len(problems),
-        "solvers": list(solvers),
-        "tols": list(tols),
+        "problems": len(plan.entries),
+        "solvers": list(plan.solvers),
+        "tols": list(plan.tols),
         "time_limit": limits.time,
         "memory_limit": limits.memory,
         "skip_hopeless": limits.skip_hopeless,
@@ -161,7 +152,7 @@ def measured(
             temporary.write_text(json.dumps(circumstances, indent=1) + "\n", encoding="utf-8")
 
     with ended_politely(), Bar("measured", lines=20, own_estimate=True) as bar:
-        return bench(problems, solvers, tols, limits, settings, directory, launch, Shown(bar).update, started)
+        return bench(plan, directory, launch, Shown(bar).update, started)
 
 
 def tell_interrupted(directory: Path, interrupt: KeyboardInterrupt) -> int:

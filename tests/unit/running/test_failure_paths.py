@@ -229,18 +229,18 @@ def test_rows_that_wait_for_slow_files(
     fails: bool, folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """In their order after those of the step with the files; none where these could not be written, and --resume goes on."""
-    out, made = tmp_path / "out", outputs.step_files
+    out, made = tmp_path / "out", outputs.FclibSeries.files
 
-    def slow(directory: Path, step: Step, *rest: object) -> list[Callable[[], Path]]:
+    def slow(series: outputs.FclibSeries, step: Step, title: str) -> list[Callable[[], Path]]:
         def write() -> Path:
             time.sleep(0.5)
             if fails:
                 raise OSError(f"no room for step {step.number}")
-            return made(directory, step, *rest)[0]()  # type: ignore[arg-type]
+            return made(series, step, title)[0]()
 
         return [write]
 
-    monkeypatch.setattr(outputs, "step_files", slow)
+    monkeypatch.setattr(outputs.FclibSeries, "files", slow)
     monkeypatch.setattr(outputs.Outputs, "_may_be_beside", True)
     arguments = ["run", str(folder), "--out", str(out), "--set", "steps=7", "--export-every", "3", "--vtk-every", "0"]
     arguments += ["--checkpoint-every", "2"]
