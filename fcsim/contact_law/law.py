@@ -108,9 +108,9 @@ class Meeting:
     t           [s] the beginning of the step
     timing      see `Timing`
     variables   of earlier steps; None in the first step, when nothing has been met yet
-    proportions of the bodies
-    bend (nc,) [m] by how much gaps change over the step beside length_per_u u_N, since bodies turn and feet move on; None = not at all, see
-    `fcsim.timestep.step_equation.look_ahead.ahead`
+    proportions of the bodies: sizes, areas, which are rigid
+    bend        (nc,) [m] by how much gaps change over the step beside length_per_u u_N, since bodies turn and feet move on; None = not at
+                all, see `fcsim.timestep.step_equation.look_ahead.ahead`
     trial       what an implicit law takes for the end of the step, see `Implicit`; None = it is asked for the first time
     """
 
@@ -204,6 +204,21 @@ class Terms:
     spinning: FloatArray | None = None
 
     __repr__ = brief
+
+    @classmethod
+    def neutral(cls, contacts: Contacts) -> Terms:
+        """Every term as an array that changes nothing: where several laws share the contacts, each writes its own into these."""
+        nc, d = len(contacts), contacts.dimension
+        return cls(
+            w=np.zeros((nc, d)),
+            mu=np.zeros(nc),
+            adhesion=np.zeros((nc, d)),
+            compliance=np.zeros((nc, d)),
+            scale=np.ones((nc, d)),
+            frame=contacts.frame.copy(),
+            rolling=np.zeros(nc),
+            spinning=np.zeros(nc),
+        )
 
 
 @dataclass(frozen=True, eq=False)

@@ -41,23 +41,14 @@ class LawTable:
     def terms(self, meeting: Meeting) -> Terms:
         number = self.number_of(meeting.contacts)
         parts = [(number == k, law.terms(self._part(meeting, number, k))) for k, law in enumerate(self.laws)]
-        shape = (len(meeting), meeting.contacts.dimension)
-        fresh: dict[str, FloatArray | None] = {
-            "w": np.zeros(shape),
-            "mu": np.zeros(shape[0]),
-            "adhesion": np.zeros(shape),
-            "compliance": np.zeros(shape),
-            "scale": np.ones(shape),
-            "frame": meeting.contacts.frame.copy(),
-            "rolling": np.zeros(shape[0]),
-            "spinning": np.zeros(shape[0]),
-        }
-        for name, whole in fresh.items():
-            given = [(own, value) for own, terms in parts if (value := getattr(terms, name)) is not None]
+        neutral, joined = Terms.neutral(meeting.contacts), dict[str, FloatArray | None]()
+        for field in fields(Terms):
+            given = [(own, value) for own, terms in parts if (value := getattr(terms, field.name)) is not None]
+            whole = getattr(neutral, field.name)
             for own, value in given:
-                whole[own] = value  # type: ignore[index]
-            fresh[name] = whole if given else None
-        return Terms(**fresh)  # type: ignore[arg-type]
+                whole[own] = value
+            joined[field.name] = whole if given else None  # None: a problem without it
+        return Terms(**joined)  # type: ignore[arg-type]
 
     def remember(self, meeting: Meeting, outcome: Outcome) -> Remembered:
         number = self.number_of(meeting.contacts)

@@ -40,7 +40,7 @@ def _atlas(options: argparse.Namespace) -> int:
     asked = (*entries, *built())
     for pattern in options.only:
         if not fnmatch.filter([entry.name for entry in asked], pattern):
-            raise InputError(f"--only: expected names of problems ({', '.join(entry.name for entry in asked)}), got {pattern!r}")
+            raise InputError(f"--only: expected names of problems ({', '.join(repr(entry.name) for entry in asked)}), got {pattern!r}")
     if options.only:
         asked = tuple(entry for entry in asked if any(fnmatch.fnmatchcase(entry.name, pattern) for pattern in options.only))
 

@@ -36,7 +36,12 @@ def test_the_atlas_answers_and_keeps_its_answers(tmp_path: Path, capsys: pytest.
     assert float(branch["simulated"]) == pytest.approx(math.tan(0.5 * math.atan(1 / 3)), rel=0.01)
     assert main(asked) == EXIT_OK
     assert "block ..." not in capsys.readouterr().err  # it was there
-    assert main(["atlas", "--out", str(out), "--only", "nothing"]) == EXIT_BAD_INPUT
+
+
+def test_a_name_that_is_not_there_is_answered_by_those_that_are(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """In quotes, since there are commas in them."""
+    assert main(["atlas", "--out", str(tmp_path / "atlas"), "--only", "nothing"]) == EXIT_BAD_INPUT
+    assert "'block that slides', 'stack of four, tilted', " in capsys.readouterr().err
 
 
 def test_answers_are_kept_while_problem_and_code_are_the_same(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
