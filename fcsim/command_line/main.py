@@ -15,7 +15,7 @@ from pathlib import Path
 
 from fcsim.command_line import info, render, run, solve, solvers, sweep
 from fcsim.command_line.answers import answering
-from fcsim.command_line.masonry import atlas, trials
+from fcsim.command_line.masonry import atlas, structures
 from fcsim.command_line.sets import bench, collection, leaderboard, profile
 from fcsim.command_line.start import begin, cases, completion, doctor
 from fcsim.command_line.terminal import any_encoding, one_line, open_streams, say, silence, write
@@ -31,7 +31,7 @@ from fcsim.version import __version__
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="fcsim",
-        description="Frictional contact between deformable bodies: run cases, solve and describe FCLIB problems.",
+        description="Frictional contact between deformable and rigid bodies: run cases, solve and describe FCLIB problems.",
         epilog="""To begin: fcsim doctor, fcsim cases, fcsim run masonry_wall, fcsim render results/masonry_wall, fcsim new NAME.
 Exit codes: 0 all converged, 1 no convergence or penetration seen, 2 bad input, 130 interrupted.""",
         formatter_class=argparse.RawDescriptionHelpFormatter,
@@ -40,7 +40,7 @@ Exit codes: 0 all converged, 1 no convergence or penetration seen, 2 bad input, 
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
 
     measuring = (collection, bench, profile, leaderboard)
-    for command in (cases, begin, doctor, run, sweep, solve, info, render, solvers, *measuring, trials, atlas, completion):
+    for command in (cases, begin, doctor, run, sweep, solve, info, render, solvers, *measuring, structures, atlas, completion):
         command.add_parser(commands)
     _add_output_options(parser)
     return parser

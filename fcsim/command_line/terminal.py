@@ -14,6 +14,7 @@ from types import TracebackType
 from typing import TextIO
 
 from fcsim.command_line.answers import current, table_of
+from fcsim.records import json_text
 
 
 def printable(text: object) -> str:
@@ -28,6 +29,11 @@ def say(text: object = "", *, to_stderr: bool = False) -> None:
         current().lines.append(printable(text))
         return
     write(text, to_stderr=to_stderr)
+
+
+def say_json(document: object) -> None:
+    """Print a value, or a dataclass, as JSON."""
+    say(json_text(document).rstrip())
 
 
 def write(text: object = "", *, to_stderr: bool = False) -> None:

@@ -1,1 +1,1 @@
-"""fcsim limit | tilt | push | shake: structures of blocks."""
+"""fcsim limit | tilt | push | shake | settle | atlas: structures of blocks."""

@@ -8,7 +8,7 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from fcsim.command_line.terminal import print_table, say
+from fcsim.command_line.terminal import print_table, say, say_json
 from fcsim.errors import EXIT_OK, InputError
 
 if TYPE_CHECKING:
@@ -55,9 +55,7 @@ def _atlas(options: argparse.Namespace) -> int:
         answers.append(answer)
         write_atlas(options.out, answers, left_out)
     if options.json:
-        from fcsim.records import json_text
-
-        say(json_text({"problems": answers, "left_out": left_out}).rstrip())
+        say_json({"problems": answers, "left_out": left_out})
         return EXIT_OK
     print_table(COLUMNS, [_row(answer) for answer in answers], texts=2)
     for answer in answers:

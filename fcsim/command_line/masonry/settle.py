@@ -7,7 +7,7 @@ import math
 from typing import TYPE_CHECKING
 
 from fcsim.command_line.masonry.arguments import add_export, read, stone
-from fcsim.command_line.terminal import print_table, say
+from fcsim.command_line.terminal import print_table, say, say_json
 from fcsim.errors import EXIT_OK, InputError
 
 if TYPE_CHECKING:
@@ -80,9 +80,8 @@ def _settle(options: argparse.Namespace) -> int:
         _write(options, problem, seen)
     if options.json:
         from fcsim.masonry.exports.settlement import settlement_summary
-        from fcsim.records import json_text
 
-        say(json_text(settlement_summary(problem, movements, seen)).rstrip())
+        say_json(settlement_summary(problem, movements, seen))
         return EXIT_OK
     _print(options, problem, seen)
     return EXIT_OK

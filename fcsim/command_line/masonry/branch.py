@@ -1,67 +1,21 @@
-"""fcsim push --branch and fcsim shake: structures of blocks on their way, as tables, CSV and pictures."""
+"""fcsim push --branch: the multiplier by displacement and its descending branch, as a table, CSV and a picture."""
 
 from __future__ import annotations
 
 import argparse
-import math
 import time
 from typing import TYPE_CHECKING
 
-from fcsim.command_line.masonry.arguments import stone
-from fcsim.command_line.terminal import Bar, print_table, say
+from fcsim.command_line.terminal import Bar, print_table, say, say_json
 from fcsim.errors import EXIT_OK, InputError
 
 if TYPE_CHECKING:
     from fcsim.masonry import MasonryProblem
-    from fcsim.timestep.step import Step
 
 RESOLUTION = 0.005
 """Of the multiplier in trials, as a share of it."""
 _SILENT = 10.0
 """[s] after which a push by displacement says where it is, a step that is taken again too."""
-
-
-def shake_ground(options: argparse.Namespace, problem: MasonryProblem) -> int:
-    """`fcsim shake`."""
-    from fcsim.assembly.time_functions import read_acceleration_record
-    from fcsim.masonry import shake, shaken
-
-    if options.record is not None:
-        problem = shaken(problem, options.direction, read_acceleration_record(options.record).scaled(options.factor))
-    elif options.factor != 1.0:
-        raise InputError("--factor: expected it with --record")
-    with Bar("step") as bar:
-
-        def watch(step: Step, steps: int) -> None:
-            bar.update(step.number, steps, f"{step.state.t:.4g} s")
-
-        seen = shake(problem, duration=options.duration, h=options.h, blocks=options.blocks, stone=stone(options), watch=watch)
-    if options.out is not None:
-        from fcsim.masonry.report import write_shake
-        from fcsim.view.histories import draw_shake
-
-        write_shake(options.out, seen)
-        draw_shake(seen, options.out / "shake.png", problem.title or problem.name)
-    if options.json:
-        from fcsim.masonry.report import shake_summary
-        from fcsim.records import json_text
-
-        say(json_text(shake_summary(seen)).rstrip())
-        return EXIT_OK
-    rows = [
-        ("largest displacement of a corner", f"{1e3 * seen.displacement.max():.5g} mm", f"{seen.t[seen.displacement.argmax()]:.4g} s"),
-        ("largest turn of a block", f"{math.degrees(seen.turn.max()):.5g} degrees", f"{seen.t[seen.turn.argmax()]:.4g} s"),
-        ("displacement in the end", f"{1e3 * seen.displacement[-1]:.5g} mm", f"{seen.t[-1]:.4g} s"),
-    ]
-    say(f"{problem.title or problem.name}: {len(problem.blocks)} blocks, {seen.t[-1]:.4g} s in {len(seen.t)} steps")
-    print_table(("", "", "at"), rows, texts=1)
-    fell = ", ".join(seen.fallen[:8]) + (f" and {len(seen.fallen) - 8} more" if len(seen.fallen) > 8 else "")
-    say(f"fallen: {fell}" if fell else "nothing has fallen" + (", but it moves still" if seen.moving else ""))
-    for remark in seen.remarks:
-        say(f"note: {remark}")
-    if options.out is not None:
-        say(f"history and picture: {options.out}")
-    return EXIT_OK
 
 
 def push_by_displacement(options: argparse.Namespace, problem: MasonryProblem) -> int:
@@ -102,9 +56,7 @@ def push_by_displacement(options: argparse.Namespace, problem: MasonryProblem) -
         write_branch(options.out, branch)
         draw_branch(branch, options.out / "branch.png", name)
     if options.json:
-        from fcsim.records import json_text
-
-        say(json_text(branch_summary(branch)).rstrip())
+        say_json(branch_summary(branch))
         return EXIT_OK
     count = len(branch.displacement)
     shown = [*range(0, count - 1, max(count // 12, 1)), count - 1]

@@ -75,7 +75,7 @@ def test_the_collapse_is_filmed_and_its_cracks_are_measured(
 ) -> None:
     """The block turns about its toe: the joint opens by the base times the angle, and does not slip."""
     out = tmp_path / "out"
-    monkeypatch.setattr("fcsim.command_line.masonry.trials._FALL", 0.2)  # [s] that are filmed
+    monkeypatch.setattr("fcsim.command_line.masonry.tilt_and_push._FALL", 0.2)  # [s] that are filmed
     assert main(["push", str(model), "--direction", "x", "--resolution", "0.05", "--out", str(out), "--film"]) == EXIT_OK
     (joint,) = csv.DictReader((out / "openings.csv").open())
     opening, slip = float(joint["opening [mm]"]), float(joint["slip [mm]"])

@@ -1,0 +1,106 @@
+"""What limit analysis and simulation found of a structure: its files, its table on the terminal, the exit code."""
+
+from __future__ import annotations
+
+import argparse
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from fcsim.command_line.masonry.arguments import stone
+from fcsim.command_line.terminal import print_table, say, say_json
+from fcsim.errors import EXIT_NOT_CONVERGED, EXIT_OK
+
+if TYPE_CHECKING:
+    from fcsim.masonry import Bracket, LimitAnalysis
+    from fcsim.timestep.step import Step
+
+WORDS = {"hinge": "turn", "sliding": "slide", "open": "open", "closed": "stay closed"}
+
+
+def print_analysis(options: argparse.Namespace, analysis: LimitAnalysis, seen: Bracket | None, *, angle: bool = False) -> int:
+    """Write what --out and --export ask for, say what was found (seen: by simulation), multipliers as angles too, and return the exit
+    code."""
+    from fcsim.masonry.remarks import remarks
+    from fcsim.masonry.report import summary, write_analysis
+
+    if options.out is not None:
+        from fcsim.view.mechanism import draw_mechanism
+
+        write_analysis(options.out, analysis, seen)
+        draw_mechanism(analysis, options.out / "mechanism.png")
+    falling = None if seen is None or (options.out is None and options.export is None) else _falling(options, analysis, seen)
+    if seen is not None and falling is not None and options.out is not None:
+        _write_cracks(options.out, analysis, seen, falling)
+    if falling is not None and options.export is not None:
+        from fcsim.masonry.exports import moved_blocks, write_blocks
+
+        write_blocks(options.export, moved_blocks(analysis.problem, falling.model, falling.state.x))
+    if options.json:
+        say_json(summary(analysis, seen))
+        return _exit(analysis)
+    _print_multipliers(analysis, seen, angle)
+    for remark in remarks(analysis, seen):
+        say(f"note: {remark}")
+    for expected in analysis.problem.expected:
+        say(f"expected: {expected.quantity}: {expected.value}")
+    if analysis.lowest.outcome == "limit":
+        states = [joint.state for joint in analysis.joints]
+        say("mechanism: " + ", ".join(f"{states.count(state)} joints {word}" for state, word in WORDS.items() if state in states))
+    if options.out is not None:
+        say(f"analysis, joints and picture: {options.out}")
+    return _exit(analysis)
+
+
+def _print_multipliers(analysis: LimitAnalysis, seen: Bracket | None, angle: bool) -> None:
+    """The table of multipliers; angle: with the angle of a table that tilts."""
+    problem = analysis.problem
+    free = sum(not block.support for block in problem.blocks)
+    held = len(problem.blocks) - free
+    say(f"{problem.title or problem.name}: {free} blocks, {held} supports, {len(analysis.joints)} joints, mu {problem.mu:g}")
+    rows: list[Sequence[str]] = []
+
+    def row(what: str, multiplier: float, remark: str) -> None:
+        rows.append((what, remark, f"{multiplier:.6g}", *([f"{math.degrees(math.atan(multiplier)):.3f}"] if angle else [])))
+
+    for found, remark in (
+        (analysis.associative, "no state of equilibrium above it"),
+        (analysis.coulomb, "from there on the mechanism goes with Coulomb's law"),
+    ):
+        words = {"falls": "it falls under the loads that stay", "unbounded": "borne at every multiplier", "undecided": "did not converge"}
+        row(f"limit analysis, {found.law}", found.multiplier, words.get(found.outcome, remark))
+    if analysis.lowest is not analysis.coulomb:
+        row("limit analysis, Coulomb, lowest", analysis.lowest.multiplier, "another mechanism with slip: motion may begin there")
+    if seen is not None:
+        for what, (low, high) in (("first motion", seen.motion), ("falls", seen.fall)):
+            if high > 0:
+                row(f"simulation, {what}: not at", low, "held for a while, it did not")
+            row(f"simulation, {what}: at", high, "")
+    print_table(("", "", "multiplier", *(["degrees"] if angle else [])), rows, texts=2)
+
+
+def _falling(options: argparse.Namespace, analysis: LimitAnalysis, seen: Bracket) -> Step:
+    """The step in which the fall has begun."""
+    from fcsim.masonry.collapse import fallen
+
+    return fallen(analysis.problem, seen.fall[1], blocks=options.blocks, stone=stone(options))
+
+
+def _write_cracks(directory: Path, analysis: LimitAnalysis, seen: Bracket, step: Step) -> None:
+    """The openings of joints in the beginning fall, as a table and, in 2D, as a picture."""
+    from fcsim.masonry.openings import openings
+    from fcsim.masonry.report import write_openings
+    from fcsim.masonry.structure import touching
+    from fcsim.view.cracks import draw_cracks
+
+    contacts = touching(analysis.problem, step.model) if step.model.deformable else analysis.limit.contacts
+    joints = openings(contacts, step.model, step.state.x)
+    write_openings(directory / "openings.csv", joints)
+    if analysis.problem.dimension == 2:
+        title = f"{analysis.problem.title or analysis.problem.name}: {step.state.t:.2f} s after the multiplier {seen.fall[1]:.4g}"
+        draw_cracks(analysis.problem, step.model, step.state.x, joints, directory / "cracks.png", title)
+
+
+def _exit(analysis: LimitAnalysis) -> int:
+    return EXIT_NOT_CONVERGED if "undecided" in (analysis.associative.outcome, analysis.coulomb.outcome) else EXIT_OK
