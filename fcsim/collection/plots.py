@@ -11,7 +11,7 @@ import numpy as np
 from fcsim.arrays import FloatArray
 from fcsim.collection.manifest import Entry
 from fcsim.collection.readme import one_a_problem
-from fcsim.view.style import BLUE, GREY, RED, STYLE, figure, matplotlib, save
+from fcsim.view.style import BLUE, GREY, RED, figure, matplotlib, save, styled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -32,7 +32,7 @@ def write_distributions(entries: Sequence[Entry], path: Path) -> Path:
         "contact density m/n": [row.density for row in rows],
         f"iterations, {solver}": [row.iterations for row in rows],
     }
-    with matplotlib().rc_context({**STYLE, "savefig.dpi": 160}):
+    with styled():
         drawing = figure(8.0, 6.0, layout="constrained")
         for axes, (name, values) in zip(drawing.subplots(2, 2).flat, columns.items(), strict=True):
             _histogram(axes, np.array([value for value in values if value is not None], dtype=float), name)
@@ -74,7 +74,7 @@ def write_selection(
     wide = highest > WIDE * max(lowest, 1.0)
     count[~good] = highest * 1.6 if wide else highest * 1.08 + 0.5  # as they rank: the hardest
     place = np.arange(1, len(count) + 1)
-    with matplotlib().rc_context({**STYLE, "savefig.dpi": 160}):
+    with styled():
         drawing = figure(8.0, 5.0, layout="constrained")
         axes = drawing.subplots()
         if wide:

@@ -5,13 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 
 from fcsim.masonry.histories.branch import Branch
-from fcsim.view.style import STYLE, figure, matplotlib, prefixed, save
+from fcsim.view.style import figure, prefixed, save, styled
 
 
 def draw_branch(branch: Branch, path: Path, title: str) -> Path:
     """Draw the multiplier by displacement, its largest value and where the structure falls by itself or runs away."""
     scale, unit = prefixed("m", branch.displacement)
-    with matplotlib().rc_context({**STYLE, "savefig.dpi": 160}):
+    with styled():
         drawing = figure(7.0, 4.2, layout="constrained")
         axes = drawing.add_subplot()
         axes.plot(branch.displacement / scale, branch.multiplier, color="#33608c", linewidth=1.6)

@@ -12,7 +12,7 @@ from fcsim.errors import InputError
 from fcsim.masonry.openings import Opening
 from fcsim.masonry.problem import MasonryProblem
 from fcsim.view.scene import COLOUR_MAP
-from fcsim.view.style import STYLE, figure, matplotlib, prefixed, save
+from fcsim.view.style import figure, matplotlib, prefixed, save, styled
 
 _HAIR = 1e-3
 """Of the largest opening: less is drawn as closed."""
@@ -24,7 +24,7 @@ def draw_cracks(problem: MasonryProblem, model: Model, x: FloatArray, joints: tu
         raise InputError(f"crack map of {problem.name!r}: expected a plane problem, got one in 3D")
     most = max((joint.opening for joint in joints), default=0.0)
     scale, unit = prefixed("m", [most])
-    with matplotlib().rc_context({**STYLE, "savefig.dpi": 160}):
+    with styled():
         places = np.split(model.positions(x), model.node_offset[1:-1])
         held = [problem.blocks[problem.number[body.name]].support for body in model.bodies]
         free = np.concatenate([place for place, fixed in zip(places, held, strict=True) if not fixed])

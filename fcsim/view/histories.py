@@ -8,13 +8,13 @@ import numpy as np
 
 from fcsim.masonry.histories.settle import Settlement
 from fcsim.masonry.histories.shake import Shake
-from fcsim.view.style import STYLE, figure, matplotlib, prefixed, save
+from fcsim.view.style import figure, prefixed, save, styled
 
 
 def draw_shake(seen: Shake, path: Path, title: str) -> Path:
     """Draw the largest displacement of a corner and the largest turn of a block by time."""
     scale, unit = prefixed("m", seen.displacement)
-    with matplotlib().rc_context({**STYLE, "savefig.dpi": 160}):
+    with styled():
         drawing = figure(7.0, 5.0, layout="constrained")
         above, below = drawing.subplots(2, 1, sharex=True)
         above.plot(seen.t, seen.displacement / scale, color="#33608c", linewidth=1.2)
@@ -31,7 +31,7 @@ def draw_settlement(seen: Settlement, path: Path, title: str) -> Path:
     scale, unit = prefixed("m", seen.moved)
     wide, of_wide = prefixed("m", seen.opening)
     largest, of_force = prefixed("N", [float(np.abs(force).max()) for force in seen.forces.values()])
-    with matplotlib().rc_context({**STYLE, "savefig.dpi": 160}):
+    with styled():
         drawing = figure(7.0, 7.0, layout="constrained")
         across, up, below = drawing.subplots(3, 1, sharex=True)
         widths = np.linspace(min(1.2 * len(seen.forces), 6.0), 1.2, len(seen.forces))  # thinner over wider: abutments' thrusts are equal

@@ -11,7 +11,7 @@ from fcsim.arrays import FloatArray
 from fcsim.masonry.limit_analysis.analysis import LimitAnalysis
 from fcsim.view.blocks import canvas, picture, solid
 from fcsim.view.scene import COLOUR_MAP, DARKEST, offscreen
-from fcsim.view.style import BLUE, GREY, ORANGE, RED, STYLE, figure, matplotlib, save
+from fcsim.view.style import BLUE, GREY, ORANGE, RED, figure, save, styled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -25,7 +25,7 @@ def draw_mechanism(analysis: LimitAnalysis, path: Path) -> Path:
     """Draw the mechanism of a limit analysis into a .png (2D: also .svg) file; MissingDependency without matplotlib or pyvista."""
     if analysis.problem.dimension == 3:
         return _draw_solids(analysis, path)
-    with matplotlib().rc_context({**STYLE, "savefig.dpi": 160}):
+    with styled():
         free = [corners for corners, block in zip(_corners(analysis), analysis.problem.blocks, strict=True) if not block.support]
         points = np.concatenate(free)
         width, height = np.ptp(points, axis=0)

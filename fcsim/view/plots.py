@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from fcsim.errors import InputError
 from fcsim.running.description import HistoryPlot
 from fcsim.running.folder import RunFolder
-from fcsim.view.style import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, RED, SKY, STYLE, figure, legend_below, matplotlib, prefixed, save
+from fcsim.view.style import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, RED, SKY, figure, legend_below, prefixed, save, styled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -39,7 +39,7 @@ def write_plots(run: RunFolder, directory: Path | None = None, *, format: str = 
         "phases": phase_plot,
     }
     written = []
-    with matplotlib().rc_context({**STYLE, "savefig.dpi": 160}):
+    with styled():
         for name, make in makers.items():
             drawing = make(run)
             if drawing is not None:

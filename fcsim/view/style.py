@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import textwrap
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -63,6 +64,12 @@ def matplotlib() -> ModuleType:
     except ImportError as error:
         raise MissingDependency(f"matplotlib cannot be imported ({error}), which pictures need: pip install 'fcsim[view]'") from None
     return matplotlib
+
+
+def styled(dpi: int = 160) -> AbstractContextManager[None]:
+    """Within the block plots have the common look, and files as many points an inch."""
+    context: AbstractContextManager[None] = matplotlib().rc_context({**STYLE, "savefig.dpi": dpi})
+    return context
 
 
 def figure(width: float, height: float, dpi: float = 100.0, **options: object) -> Figure:

@@ -15,7 +15,7 @@ from fcsim.bench.reporting.curves import CurveStyle, above_axes, curve_styles, e
 from fcsim.bench.reporting.time_table import tolerance_name
 from fcsim.errors import InputError
 from fcsim.files import replacing
-from fcsim.view.style import GREY, STYLE, figure, matplotlib, save
+from fcsim.view.style import GREY, figure, save, styled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -151,7 +151,7 @@ def thinned(x: NDArray, y: NDArray, bins: int = BINS) -> NDArray[np.int64]:
 def write_convergence(runs: Sequence[Convergence], name: str, directory: Path, tol: float) -> list[Path]:
     """Write convergence-NAME as PNG, SVG and CSV (solver, iteration, seconds, error); return the files."""
     stem = f"convergence-{name}"
-    with matplotlib().rc_context({**STYLE, "savefig.dpi": 200}):
+    with styled(200):
         drawing = convergence_figure(runs, name, tol)
         written = [save(drawing, directory / f"{stem}.{format}") for format in ("png", "svg")]
     path = directory / f"{stem}.csv"

@@ -15,7 +15,7 @@ from fcsim.bench.reporting.profiles import Profile
 from fcsim.bench.reporting.summary import number
 from fcsim.bench.reporting.time_table import tolerance_name
 from fcsim.errors import InputError
-from fcsim.view.style import GREY, STYLE, figure, matplotlib, save
+from fcsim.view.style import GREY, figure, save, styled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -109,7 +109,7 @@ def write_profiles(comparison: Comparison, directory: Path, tau_max: float | Non
     if tau_max is not None and not 1 < tau_max < np.inf:
         raise InputError(f"--tau-max: expected a number > 1, got {tau_max:g}")
     written = []
-    with matplotlib().rc_context({**STYLE, "savefig.dpi": 200}):
+    with styled(200):
         drawings = {f"profile-{tolerance_name(part.table.tol)}": profile_figure(part, tau_max) for part in comparison.parts}
         if len(comparison.parts) > 1:
             drawings["profiles"] = panels_figure(comparison.parts, tau_max)
