@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from pyvista import DataSet
 
 _TOWARDS = 0.1  # cosine: sides of the scene that face the camera less are not before it
+_TOUCHES = 1e-2  # of the scene's size: what reaches into it by less is beside it
 _HIDES = 0.5  # share of the side that a body covers before it is left out
 
 
@@ -31,21 +32,19 @@ def standing_before(rigid: DataSet, blocks: DataSet | None, toward: NDArray[np.f
     if not seen or not still:
         return np.empty(0, dtype=np.int64)
     every = np.concatenate(seen)
-    low, high = every.min(axis=0), every.max(axis=0)
-    slack = 1e-2 * float((high - low).max())
-    hidden = [body for body, points in still if _covers(points.min(axis=0), points.max(axis=0), low, high, toward, slack)]
+    hidden = [body for body, points in still if _covers(_box(points), _box(every), toward)]
     return np.array(hidden, dtype=np.int64)
 
 
-def _covers(
-    own_low: NDArray[np.float64],
-    own_high: NDArray[np.float64],
-    low: NDArray[np.float64],
-    high: NDArray[np.float64],
-    toward: NDArray[np.float64],
-    slack: float,
-) -> bool:
-    """Whether a box lies beyond that of what moves along an axis towards the camera, and over more than half of that side."""
+def _box(points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The least and the largest coordinates (2, 3) of points (n, 3)."""
+    return np.stack([points.min(axis=0), points.max(axis=0)])
+
+
+def _covers(own: NDArray[np.float64], moving: NDArray[np.float64], toward: NDArray[np.float64]) -> bool:
+    """Whether a box lies beyond that of what moves, both (2, 3), along an axis towards the camera, and over more than half of that side."""
+    (own_low, own_high), (low, high) = own, moving
+    slack = _TOUCHES * float((high - low).max())
     for axis in range(2):  # what is above is a load, not a wall
         beyond = own_low[axis] > high[axis] - slack if toward[axis] > 0 else own_high[axis] < low[axis] + slack
         if abs(toward[axis]) < _TOWARDS or not beyond:
