@@ -51,4 +51,6 @@ def _apart(model: Model, contacts: Contacts) -> IntArray:
         return np.empty(0, dtype=np.int64)
     free = np.zeros(len(model.bodies), dtype=bool)
     free[len(model.bodies) - len(model.rigid) :] = model.rigid_free.any(axis=1)  # to turn is enough
+    if np.count_nonzero(free) < 2:  # a contact has two bodies
+        return np.empty(0, dtype=np.int64)
     return np.flatnonzero(free[contacts.bodies].all(axis=1) & (contacts.gap != 0) & ~contacts.cables)

@@ -62,15 +62,19 @@ class _Entries:
 
     def __init__(self) -> None:
         self._last: tuple[tuple[IntArray, ...], tuple[int, int], tuple[IntArray, ...], IntArray | None] | None = None
+        self._kept_as: object = None  # of the last one, see `DelassusSum`
 
-    def of(self, H: sp.csc_array, body: IntArray, column: IntArray, count: int, d: int, some: IntArray) -> Entries:
-        """As `entries_by_body`."""
+    def of(self, H: sp.csc_array, body: IntArray, column: IntArray, count: int, d: int, some: IntArray, kept_as: object = None) -> Entries:
+        """As `entries_by_body`; kept_as: see `DelassusSum`."""
         given, sizes = (H.indptr, H.indices, body, column, some), (count, d)
         if len(H.indices) < ENTRIES_FROM:
             found: Entries = entries_by_body(H.indptr, H.indices, H.data, *given[2:4], *sizes, some)
             return found
         last = self._last  # read once: threads may ask side by side
-        same = last is not None and last[1] == sizes and all(np.array_equal(a, b) for a, b in zip(given, last[0], strict=True))
+        same = last is not None and last[1] == sizes
+        if same and last is not None and (kept_as is None or kept_as is not self._kept_as):
+            same = all(np.array_equal(a, b) for a, b in zip(given, last[0], strict=True))
+        self._kept_as = kept_as
         if last is not None and same and last[3] is not None:
             first, contacts, begins, unknowns = last[2]
             return first, contacts, begins, unknowns, weights_from(last[3], H.data)
@@ -107,15 +111,17 @@ class DelassusSum:
         dimension: int,
         blocks: int | None = None,
         some: IntArray | None = None,
+        kept_as: object = None,
     ) -> None:
         """H (n, m) sparse; body (n,): the body of each unknown, of `count`, -1 for one without a share in W; column (n,): which
         unknown of its body's compliance it is. Both are read only where H has entries. blocks: of W, where their number is known: which
-        they are is then found when it is asked for. some (k,): W of these contacts alone, None: of all."""
+        they are is then found when it is asked for. some (k,): W of these contacts alone, None: of all. kept_as: whoever gives the
+        same as for the sum before says that H has its entries where that one had them, and all else but their values is the same."""
         H = H.tocsc()
         some = np.arange(H.shape[1] // dimension) if some is None else some
         self.nc, self._axes = len(some), tuple(range(dimension))
         self._m = self.nc * dimension
-        self.bodies: Entries = _entries.of(H, body, column, count, dimension, some)
+        self.bodies: Entries = _entries.of(H, body, column, count, dimension, some, kept_as)
         self._blocks = blocks
 
     @cached_property

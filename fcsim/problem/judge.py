@@ -79,11 +79,14 @@ def outweighed(
     """
     if not residual > 1e-13 * scale:  # round-off
         return ""
+    share, closing = max(OUTWEIGHED, 10 * tol), np.minimum(q[::dimension], 0.0)
+    if residual <= share * math.sqrt(float(closing @ closing)):  # a part of what follows says so, in a tenth of the time
+        return ""
     pressed = (u[::dimension] < 0) | (q[::dimension] < 0)
     for k in range(dimension):  # rows of three are slow to ask
         pressed |= r[k::dimension] != 0
     counted = max(float(np.linalg.norm(q.reshape(-1, dimension)[pressed])), floor)
-    if residual <= max(OUTWEIGHED, 10 * tol) * counted:
+    if residual <= share * counted:
         return ""
     return (
         f"contacts that part outweigh the others in ||q|| ({scale:.1e} of {counted:.1e}): relative to these the error is "

@@ -14,7 +14,8 @@ CONTACTS_FROM = 3000
 """Contacts from which ranks share work on them: a product with H^T of as many takes a third of a millisecond, exchanging it a tenth."""
 
 NORMALS_FROM = 20_000
-"""The same of sums over the squares of the normals' columns: of as many a millisecond, and three exchanges."""
+"""The same of sums over the squares of the normals' columns where ranks have no memory in common: of as many a millisecond, and three
+exchanges. Where they have it that is one of a few bytes, and pays from CONTACTS_FROM on."""
 
 
 def transposed_times_by_ranks(A: sp.sparray | FloatArray, x: FloatArray) -> FloatArray:
@@ -104,15 +105,16 @@ def normals_by_ranks(
     A: sp.csr_array | sp.csc_array, weight: FloatArray, some: BoolArray, step: int
 ) -> tuple[FloatArray, FloatArray, BoolArray]:
     """As `normals_of_some`, each rank of some columns; all ranks must ask."""
-    if world() is None or not isinstance(A, sp.csc_array):
+    ranks = world()
+    if ranks is None or not isinstance(A, sp.csc_array):
         return normals_of_some(A, weight, some, step)
-    count = A.shape[1] // step
-    whole, others, touched = (for_parts((count,), NORMALS_FROM, kind) for kind in (np.float64, np.float64, np.bool_))
+    count, least = A.shape[1] // step, NORMALS_FROM if ranks.common is None else min(CONTACTS_FROM, NORMALS_FROM)
+    whole, others, touched = (for_parts((count,), least, kind) for kind in (np.float64, np.float64, np.bool_))
 
     def sums(begin: int, end: int) -> None:
         own = A.indptr[step * begin : step * end + 1]
         found = kernels.squares_of_touched(own, A.indices, A.data, weight, some, step, end - begin)
         whole[begin:end], others[begin:end], touched[begin:end] = found
 
-    in_parts("normals", count, NORMALS_FROM, sums, whole, others, touched)
+    in_parts("normals", count, least, sums, whole, others, touched)
     return whole, others, touched

@@ -21,6 +21,39 @@ def add_rows(values, rows, total):
 
 
 @njit(cache=True, nogil=True)
+def put_together(numbers, square, share, rows, d, out):
+    """Write to out the numbers (j,), `square` and the rows (k,) of share (n d,): what a rank sends."""
+    count = len(numbers) + 1
+    for i in range(len(numbers)):
+        out[i] = numbers[i]
+    out[count - 1] = square
+    for k in range(len(rows)):
+        at, row = count + d * k, d * rows[k]
+        for i in range(d):
+            out[at + i] = share[row + i]
+
+
+@njit(cache=True, nogil=True)
+def taken_apart(every, sizes, count, d, share, both, sums, w):
+    """Write to sums (count,) those of the ranks' numbers, to w (m,) share (n,), what is behind it 0, with what others have added: `both` =
+    places, to, first, second as `add_received` and `products` take them, the sum of which is returned. sizes: rows that each rank sends."""
+    places, to, first, second = both
+    at = 0
+    for j in range(count):
+        sums[j] = 0.0
+    for k in range(len(sizes)):
+        for j in range(count):
+            sums[j] += every[at + j]
+        at += count + d * sizes[k]
+    for i in range(len(share)):
+        w[i] = share[i]
+    for i in range(len(share), len(w)):
+        w[i] = 0.0
+    add_received(every, count, d, places, to, w)
+    return products(every, count, d, first, second)
+
+
+@njit(cache=True, nogil=True)
 def add_received(every, count, d, places, to, w):
     """Add the rows at `places` to the rows `to` (k,) of w (n,)."""
     for k in range(len(to)):

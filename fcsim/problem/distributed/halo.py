@@ -52,17 +52,12 @@ class Halo:
         An entry is the sum of at most two numbers, so that it has the same bits on all ranks that have it."""
         d, count = self._d, len(numbers) + 1
         own = np.empty(count + d * len(self._sent))
-        own[: count - 1], own[count - 1] = numbers, share @ share
-        np.take(share.reshape(-1, d), self._sent, axis=0, out=own[count:].reshape(-1, d), mode="clip")
+        kernels.put_together(numbers, share @ share, share, self._sent, d, own)
         every = self._world.gathered(own, [count + size for size in self._lengths])
-        sums, w, begin = np.zeros(count), np.empty(d * len(self.contacts)), 0
-        for size in self._lengths:
-            sums += every[begin : begin + count]
-            begin += count + size
-        w[: len(share)], w[len(share) :] = share, 0.0
-        kernels.add_received(every, count, d, self._places, self._to, w)
-        whole = float(sums[-1]) + 2 * kernels.products(every, count, d, self._first, self._second)
-        return w, whole, sums[:-1]
+        sums, w = np.empty(count), np.empty(d * len(self.contacts))
+        both = self._places, self._to, self._first, self._second
+        products = kernels.taken_apart(every, self._sizes, count, d, share, both, sums, w)
+        return w, float(sums[-1]) + 2 * products, sums[:-1]
 
     def summed(self, numbers: FloatArray) -> FloatArray:
         """The sum over the ranks of numbers (j,), of as many on each."""

@@ -48,7 +48,8 @@ def with_velocities(memory: Memory, u: FloatArray, r: FloatArray, mu: FloatArray
         same = np.array_equal(earlier.identity, memory.identity)
         place = np.arange(len(u)) if same else earlier.places(memory.identity)
         again = (status == STICKING) & (place >= 0) & (earlier.status[place] == SLIDING)
-        expected, slides = np.where(again[:, None], earlier.u[place], u), slides | again
+        few, expected = np.flatnonzero(again), u.copy()
+        expected[few], slides = earlier.u[place[few]], slides | again
     return memory.having(LastVelocities(memory.identity, u, status, expected, slides))
 
 

@@ -58,7 +58,8 @@ def made_to_slide(given: Linearisation, slides: BoolArray, u: FloatArray, r: Flo
     """F, A, B `given` at u, r (nc, d) with the equations of sliding for those sticking contacts that are to slide (nc,); they are written
     to."""
     F, A, B = given
-    own = np.flatnonzero(roles(A, B)[1] & slides)
+    few = np.flatnonzero(slides)
+    own = few[roles(A[few], B[few])[1]]
     F[own], A[own], B[own] = equations(u[own], r[own], mu[own], rho[own], np.full(len(own), SLIDING))
     return F, A, B
 

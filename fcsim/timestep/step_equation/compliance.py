@@ -262,7 +262,8 @@ class StepCompliance:
         if self.over_ranks_elastic and not known.elastic:
             return None
         with shares.world.together("W"):
-            W = DelassusSum(H, known.own, self.factor.places[1], count, dimension, known.blocks, layout.own)
+            kept_as = known if self.factor.rotation is None else None  # turned H has entries that the problem's has not
+            W = DelassusSum(H, known.own, self.factor.places[1], count, dimension, known.blocks, layout.own, kept_as)
             runs = tuple(self.factor.compliances(self._asked(H)))
             late = late_sum(W, runs)
             share = in_blocks(summed(W, runs), dimension) if late is None else late

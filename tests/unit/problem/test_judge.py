@@ -20,6 +20,7 @@ from fcsim.problem.judge import (
     contact_status,
     error,
     natural_map_residual,
+    outweighed,
     relative,
     scaled_error,
 )
@@ -248,6 +249,21 @@ def test_contacts_that_part_do_not_hide_others_without_a_word(name: str, nc: int
     q[0], q[3] = 1e9, -1e-17  # at rest up to round-off
     q[4] = 0.0
     assert not solve(LocalProblem(np.eye(3 * nc), q, np.full(nc, 0.5)), name, tol=1e-8).message
+
+
+@pytest.mark.parametrize("d", [2, 3])
+@pytest.mark.parametrize("closing", [0.0, 1.0])
+def test_a_thousandth_of_the_velocities_of_contacts_that_do_not_part_is_said(d: int, closing: float) -> None:
+    """On both sides of the bound, with contacts that would close without reactions and others that have some."""
+    rng = np.random.default_rng(d)
+    q, u, r = rng.standard_normal((30, d)), np.abs(rng.standard_normal((30, d))), np.zeros((30, d))
+    q[:, 0] = np.abs(q[:, 0])
+    q[:5, 0] *= -closing
+    r[3:9, -1] = 1.0
+    u[7:12, 0] *= -1
+    counted = np.linalg.norm(q[:12] if closing else q[3:12])
+    for share, said in ((1.001e-3, True), (0.999e-3, False), (1e-5, False)):
+        assert bool(outweighed(r.ravel(), u.ravel(), q.ravel(), d, share * counted, 10 * counted, 0.0)) == said
 
 
 def test_penetration_is_not_lost_beside_a_velocity_of_any_size() -> None:

@@ -15,7 +15,7 @@ from fcsim.assembly.model import build_model
 from fcsim.contact_detection import Contacts, ContactSurface, Detector, SurfacePair, contact_matrix_of_bodies, node_to_segment
 from fcsim.contact_detection.frames import frames
 from fcsim.contact_law.one_point import at_one_point
-from fcsim.linear.sparse.by_ranks import CONTACTS_FROM, RowsKept, times_by_ranks, transposed_times_by_ranks
+from fcsim.linear.sparse.by_ranks import CONTACTS_FROM, RowsKept, normals_by_ranks, times_by_ranks, transposed_times_by_ranks
 from fcsim.linear.sparse.columns import has_pattern
 from fcsim.mesh.part import RigidBody
 from fcsim.ranks import World, alone, for_parts, in_parts, largest, sharing
@@ -200,6 +200,21 @@ def kept_rows() -> list[str]:
     return found
 
 
+def normals(world: World | None) -> list[str]:
+    """Sums over the squares of each third column, beside dense ones: made in parts, in memory that ranks have in common."""
+    rng = np.random.default_rng(4)
+    A = sp.random_array((60, 3 * 5000), density=0.1, rng=rng, format="csc")
+    weight, some = rng.random(60), np.arange(60) % 20 == 0
+    found = normals_by_ranks(A, weight, some, 3)
+    assert all(in_common(array) == (world is not None) for array in found)
+    squares = weight[:, None] * A[:, ::3].toarray() ** 2
+    touched = squares[some].any(axis=0)
+    assert np.array_equal(found[2], touched)
+    for own, expected in zip(found[:2], (squares.sum(axis=0), squares[~some].sum(axis=0)), strict=True):
+        assert np.allclose(own, np.where(touched, expected, 0.0), rtol=1e-13, atol=0)
+    return [digest(array) for array in found]
+
+
 def looked_at() -> list[float]:
     """The largest of what ranks see of many numbers, and of few."""
     x = np.sin(np.arange(1000.0) ** 2)
@@ -230,7 +245,7 @@ def main(folder: Path) -> None:
             "products": products(),
             "largest": looked_at(),
             "sent": sent(world),
-            "kept": [*kept_rows(), *at_one_place(), *contacts_found(world)],
+            "kept": [*kept_rows(), *normals(world), *at_one_place(), *contacts_found(world)],
             "common": common(world),
             "refused": refused(world),
         }

@@ -86,7 +86,7 @@ def made_together(W: DistributedDelassus) -> dict[str, object]:
     own = x[parts.own]
     A, B = linearisation(len(x), float(W.diagonal().mean()))
     P = PreconditionerOverRanks(joints, W.layout)
-    P.update(A[joints.order], B[joints.order])
+    P.update(A[joints.halo.contacts], B[joints.halo.contacts], place=joints.in_halo)
     wide = x[joints.halo.contacts].astype(np.float32).ravel()
     first = P(wide).reshape(-1, 3)
     kept = P.following(bodies, joints.diagonal_of_W)

@@ -11,13 +11,19 @@ from numba import njit
 def roles(A, B):
     """Which contacts are closed (nc,), A not zero, and which of these stick, B zero."""
     nc, d = len(A), A.shape[1]
-    closed, sticking = np.zeros(nc, dtype=np.bool_), np.ones(nc, dtype=np.bool_)
+    closed, sticking = np.empty(nc, dtype=np.bool_), np.empty(nc, dtype=np.bool_)
     for a in range(nc):
-        for i in range(d):
-            for j in range(d):
-                closed[a] |= A[a, i, j] != 0
-                sticking[a] &= B[a, i, j] == 0
-        sticking[a] &= closed[a]
+        closes = A[a, 0, 0] != 0  # of most that are
+        if not closes:
+            for i in range(d):
+                for j in range(d):
+                    closes |= A[a, i, j] != 0
+        sticks = closes
+        if closes:
+            for i in range(d):
+                for j in range(d):
+                    sticks &= B[a, i, j] == 0
+        closed[a], sticking[a] = closes, sticks
     return closed, sticking
 
 

@@ -245,12 +245,20 @@ def diagonal_alone(A, B):
 
 @njit(cache=True)
 def normalised(A, B, rhs, compliance):
-    """(A c + B)^-1 times A, B (nc, d, d) and rhs (nc, d), contact by contact, for the compliances c (nc,): Gauss' elimination with pivots.
+    """A, B and rhs as `normalise` makes them, which stay as they are."""
+    A, B, rhs = A.copy(), B.copy(), rhs.copy()
+    normalise(A, B, rhs, compliance)
+    return A, B, rhs
+
+
+@njit(cache=True)
+def normalise(A, B, rhs, compliance):
+    """Multiply A, B (nc, d, d) and rhs (nc, d), contact by contact, by (A c + B)^-1 for the compliances c (nc,): Gauss' elimination with
+    pivots.
 
     Where A c + B is singular A, B and rhs stay as they are.
     """
     nc, d = rhs.shape
-    A, B, rhs = A.copy(), B.copy(), rhs.copy()
     rows = np.empty((d, 3 * d + 1))
     for a in range(nc):
         if diagonal_alone(A[a], B[a]):  # most contacts stick: what the elimination comes to
@@ -285,4 +293,3 @@ def normalised(A, B, rhs, compliance):
                 for j in range(d):
                     A[a, i, j], B[a, i, j] = rows[i, d + j], rows[i, 2 * d + j]
                 rhs[a, i] = rows[i, 3 * d]
-    return A, B, rhs

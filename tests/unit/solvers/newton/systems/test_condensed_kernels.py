@@ -24,6 +24,7 @@ def contacts(d: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 @pytest.mark.parametrize("d", [2, 3])
 def test_roles_and_known_components(d: int) -> None:
     A, B, rhs = contacts(d)
+    A[11, 0, 0] = 0  # closed by its other entries
     closed, sticking = roles(A, B)
     assert_array_equal(closed, np.arange(12) >= 3)
     assert_array_equal(sticking, (np.arange(12) >= 3) & (np.arange(12) < 6))

@@ -68,7 +68,7 @@ class Guests:
 
     def put(self, received: NDArray[np.float32], c: NDArray[np.float32], out: NDArray[np.float32]) -> None:
         """Write z - R c of the guests' contacts to out (foreign, d), which are in this order; received: what ranks have sent."""
-        z = received[self._at]
+        z = received.take(self._at)
         motions = self._R, self._R_starts, self._cuts, self._begins, self.listed, c
         kernels.less_motions(*motions, 0, len(self._which), z, self._place, out)
 

@@ -42,14 +42,15 @@ class PreconditionerOverRanks:
         """Whether it was made of the W of an earlier step."""
         return self._steps > 0
 
-    def update(self, A: FloatArray, B: FloatArray, changed_by: float = CHANGED) -> None:
-        """Make it the one of A and B (k, d, d) by the joints' order, but for changes up to `changed_by`."""
+    def update(self, A: FloatArray, B: FloatArray, changed_by: float = CHANGED, place: IntArray | None = None) -> None:
+        """Make it the one of A and B (n, d, d), in which the contacts by the joints' order stand at `place` (k,), None: they are all,
+        but for changes up to `changed_by`."""
         joints, k = self.joints, MOTIONS
         given = (self._A, self._B, joints.E, joints.shift, joints.cuts, (joints.begins, joints.wide), joints.modes, joints.starts)
         out = (self._Q, joints.Q_starts, self._R, joints.R_starts, self._T, joints.T_starts)
         S = np.zeros((len(joints.coarse.columns), k, k))
         with self._layout.together("joints of A W + B"):
-            changed = self._changed(A, B, changed_by)
+            changed = self._changed(A, B, changed_by, np.arange(len(A)) if place is None else place)
             which = [i + np.flatnonzero(changed[i:j]) for i, j in joints.ranges]
             try:
                 side_by_side([partial(kernels.invert_joints, *given, out, own) for own in which if len(own)])
@@ -79,10 +80,10 @@ class PreconditionerOverRanks:
         blocks[joints.coarse_between[between]] = True
         return blocks
 
-    def _changed(self, A: FloatArray, B: FloatArray, changed_by: float) -> BoolArray:
-        """As in `Preconditioner`."""
-        joints, far = self.joints, np.empty(len(A), dtype=bool)
-        kernels.changed_contacts(A, B, np.arange(len(A)), changed_by, self._A, self._B, 0, len(A), far)
+    def _changed(self, A: FloatArray, B: FloatArray, changed_by: float, place: IntArray) -> BoolArray:
+        """As in `Preconditioner`; place: as in `update`."""
+        joints, far = self.joints, np.empty(len(place), dtype=bool)
+        kernels.changed_contacts(A, B, place, changed_by, self._A, self._B, 0, len(place), far)
         if len(joints.begins) == 1:
             return np.zeros(0, dtype=bool)
         return np.logical_or.reduceat(far[joints.wide], joints.begins[:-1])
@@ -93,7 +94,9 @@ class PreconditionerOverRanks:
         joints = self.joints
         if self.given_away or self._steps >= LASTS:
             return None
-        if not np.array_equal(joints.all_bodies, bodies) or diagonal.shape != joints.diagonal_of_W.shape:
+        if joints.all_bodies is not bodies and not np.array_equal(joints.all_bodies, bodies):
+            return None
+        if diagonal.shape != joints.diagonal_of_W.shape:
             return None
         if kernels.moved(diagonal, joints.diagonal_of_W, CHANGED):
             return None

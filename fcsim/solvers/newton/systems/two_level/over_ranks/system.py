@@ -35,7 +35,9 @@ class TwoLevelOverRanks:
         self._W, self._behind, self._kept = W, behind, kept
         self._precondition: PreconditionerOverRanks | None = None
         self.rounds, self._demand, bodies = Rounds(ROUNDS, PART), Demand(), behind.bodies
-        self.pays = bodies is not None and largest_joint(bodies, behind.count) <= JOINT_UP_TO and not len(W.layout.free)
+        self.pays = bodies is not None and not len(W.layout.free)
+        if self.pays and (kept is None or kept.joints.all_bodies is not bodies):  # for which it has been found to pay
+            self.pays = bodies is not None and largest_joint(bodies, behind.count) <= JOINT_UP_TO
 
     @property
     def left(self) -> PreconditionerOverRanks | None:
@@ -100,9 +102,9 @@ class TwoLevelOverRanks:
         joints = precondition.joints
         halo, parts = joints.halo, joints.parts
         A, B, rhs, diagonal = (values.take(halo.contacts, axis=0, mode="clip") for values in given)
-        A, B, rhs = kernels.normalised(A, B, rhs, diagonal.mean(1))
+        kernels.normalise(A, B, rhs, diagonal.mean(1))
         try:
-            precondition.update(A[joints.in_halo], B[joints.in_halo], changed_by)
+            precondition.update(A, B, changed_by, joints.in_halo)
         except SingularMatrix:
             return None
         d = rhs.shape[1]
