@@ -54,9 +54,12 @@ class SegmentPoints(SegmentToSegment):
         if b is not None:
             found = found._replace(gap=found.gap - b)
         smaller = np.minimum(now.slave.size[found.slave], now.master.size[found.master])
-        normal, (twisted, turned) = now.slave.normal[found.slave[found.row]], self.turned(now, found)
+        normal, (twisted, turned), area = now.slave.normal[found.slave[found.row]], self.turned(now, found), found.weight
         if twisted.any():
-            turned /= np.sqrt(np.einsum("qd,qd->q", turned, turned))[:, None]
+            steep = np.sqrt(np.einsum("qd,qd->q", turned, turned))
+            area = area.copy()
+            area[twisted] *= steep
+            turned /= steep[:, None]
             found.gap[twisted] *= np.einsum("qd,qd->q", turned, normal[twisted])
             normal[twisted] = turned
         wide = found.area > self.least_share * self.area(smaller)
@@ -75,6 +78,7 @@ class SegmentPoints(SegmentToSegment):
             weights=np.concatenate([self.slaves.shape(slave, found.phi[keep]), -self.masters.shape(master, found.psi[keep])], axis=1),
             bodies=np.stack([self.slaves.bodies[slave], self.masters.bodies[master]], axis=1),
             identity=local * self.points_a_segment + found.number[keep],
+            area=area[keep],
         )
         if b is None:
             return contacts, pair
