@@ -35,6 +35,7 @@ from fcsim.mesh import BlockKind, SemicircularArch, blocks_that_are, rigid_box, 
 
 GRAVITY = 9.81  # [m/s^2]
 HELD = ("x", "y", "z", "rx", "ry", "rz")
+ALL_SIDES = ("x-", "x+", "y-", "y+", "z-", "z+")
 
 
 @dataclass(frozen=True)
@@ -113,11 +114,15 @@ def arch_model(arch: SemicircularArch, p: Parameters) -> Model:
 
 
 def arch_contacts(arch: SemicircularArch, model: Model, p: Parameters) -> list[SurfacePair]:
-    """All joints by the nodes of both sides: hinges form at the edges, which nodes alone stand on."""
-    names = [body.name for body in arch.bodies]
+    """All joints by the nodes of both sides: hinges form at the edges, which nodes alone stand on. What falls strikes elsewhere: corners,
+    others' intrados and extrados, abutments; nothing is near there while the arch stands."""
+    names, abutments = [body.name for body in arch.bodies], ["left abutment", "right abutment"]
 
-    def surface(bodies: list[str], side: str) -> ContactSurface:
-        return contact_surface(model, [(name, side) for name in bodies])
+    def surface(bodies: list[str], *sides: str) -> ContactSurface:
+        return contact_surface(model, [(name, side) for name in bodies for side in sides])
+
+    outsides = [(name, side) for name in names for side in ("z-", "z+")] + [(name, side) for name in abutments for side in ("x-", "x+")]
+    corners, beside = surface([*names, *abutments], *ALL_SIDES), contact_surface(model, outsides)
 
     to_the_left, to_the_right = surface(names[1:], "x-"), surface(names[:-1], "x+")
     return [
@@ -125,6 +130,8 @@ def arch_contacts(arch: SemicircularArch, model: Model, p: Parameters) -> list[S
         SurfacePair(to_the_right, to_the_left, p.mu, p.alert, "nodes", "joints, left side"),
         SurfacePair(surface(names[:1], "x-"), surface(["left abutment"], "z+"), p.mu, p.alert, "nodes", "left springing"),
         SurfacePair(surface(names[-1:], "x+"), surface(["right abutment"], "z+"), p.mu, p.alert, "nodes", "right springing"),
+        SurfacePair(corners, beside, p.mu, p.alert, "nodes", "elsewhere"),
+        SurfacePair(surface(names[1:-1], *ALL_SIDES), surface(abutments, "z+"), p.mu, p.alert, "nodes", "fallen on abutments"),
     ]
 
 

@@ -34,6 +34,7 @@ class Contacts:
     bodies   (nc, 2)     body numbers (slave, master)
     identity (nc,)       the same number for the same (pair, candidate, master body) at every step: what a warm start matches
     bulge    (nc,) [m]   how far curved surfaces stand out over the facets there, see `fcsim.contact_detection.surfaces.bulges`; None: flat
+    area     (nc,) [m^2; 2D: m] that points of an integral rule stand for; nan, or None for all: see `Proportions.area_at`
     """
 
     point: FloatArray
@@ -45,6 +46,7 @@ class Contacts:
     bodies: IntArray
     identity: IntArray
     bulge: FloatArray | None = None
+    area: FloatArray | None = None
 
     __repr__ = brief
 
@@ -83,9 +85,8 @@ class Contacts:
 
     def take(self, chosen: NDArray[np.bool_] | IntArray) -> Contacts:
         """Return the chosen contacts (a mask (nc,) or numbers)."""
-        flat = fields(self)[:-1]
-        bulge = None if self.bulge is None else self.bulge[chosen]
-        return replace(Contacts(*(getattr(self, field.name)[chosen] for field in flat)), bulge=bulge)
+        there = [field.name for field in fields(self) if getattr(self, field.name) is not None]
+        return Contacts(**{name: getattr(self, name)[chosen] for name in there})
 
 
 def join(parts: Sequence[Contacts]) -> Contacts:
@@ -98,8 +99,8 @@ def join(parts: Sequence[Contacts]) -> Contacts:
     parts = [part for part in parts if len(part)] or parts[:1]  # most kinds of contact are there in no step of most scenes
     narrow = any(part.nodes.shape[1] < width for part in parts)
     wide = [replace(part, nodes=padded(part.nodes, -1), weights=padded(part.weights, 0)) for part in parts] if narrow else parts
-    if any(part.bulge is not None for part in wide):
-        wide = [replace(part, bulge=np.zeros(len(part)) if part.bulge is None else part.bulge) for part in wide]
-        return Contacts(*(np.concatenate([getattr(part, field.name) for part in wide]) for field in fields(Contacts)))
-    flat = fields(Contacts)[:-1]
-    return Contacts(*(np.concatenate([getattr(part, field.name) for part in wide]) for field in flat))
+    for name, none in (("bulge", 0.0), ("area", np.nan)):
+        if any(getattr(part, name) is not None for part in wide):
+            wide = [replace(part, **{name: np.full(len(part), none)}) if getattr(part, name) is None else part for part in wide]
+    there = [field.name for field in fields(Contacts) if getattr(wide[0], field.name) is not None]
+    return Contacts(**{name: np.concatenate([getattr(part, name) for part in wide]) for name in there})

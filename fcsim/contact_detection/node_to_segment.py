@@ -239,7 +239,7 @@ class NodeToSegment:
         if not ridge.any():
             return feet
         vertices = topology.vertex[feet.facet]
-        mean = np.einsum("nk,nkd->nd", feet.weights, (topology.averaging @ now.master.normal)[vertices])
+        mean = np.einsum("nk,nkd->nd", feet.weights, contact_facets.mean_normals(topology, now.master)[vertices])
         mean /= np.maximum(np.sqrt(np.einsum("nd,nd->n", mean, mean)), 1e-300)[:, None]
         length = np.sqrt(np.einsum("nd,nd->n", away, away))
         length[length <= 1e-6 * feet.scale] = np.inf  # too near: the direction is round-off

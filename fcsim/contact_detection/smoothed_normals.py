@@ -1,7 +1,7 @@
 """Node-to-segment detection along smoothed normals: the master's normal is interpolated between nodal means and continuous.
 
-With the unit mean n_l of the normals of the facets around each master node, the foot of a candidate p on a facet of corners x_l is at the
-shape functions psi_l and the distance g that solve
+With the unit mean n_l of the normals that the facets around each master node have there (twisted quadrilaterals: that of the corner), the
+foot of a candidate p on a facet of corners x_l is at the shape functions psi_l and the distance g that solve
 
     sum_l psi_l (x_l + g n_l) = p,    N = sum_l psi_l n_l / |.|,    gap = (p - sum_l psi_l x_l) . N - b
 
@@ -27,6 +27,7 @@ from fcsim.arrays import FloatArray, IntArray
 from fcsim.contact_detection.contacts import Contacts
 from fcsim.contact_detection.node_to_segment import ROUND, Configuration, Feet, NodeToSegment
 from fcsim.contact_detection.surfaces.bulges import heights, highest
+from fcsim.contact_detection.surfaces.facets import mean_normals
 from fcsim.contact_detection.surfaces.surface import OPPOSING, SurfacePair
 
 Shape = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
@@ -118,7 +119,7 @@ class SmoothedNodeToSegment(NodeToSegment):
 
     def _once_per_body(self, now: Configuration, candidate: IntArray, facet: IntArray) -> Feet:
         """The foot of each candidate on each master body, sorted by (candidate, body): inside a facet before moved onto its edge."""
-        nodal = self.topology.averaging @ now.master.normal
+        nodal = mean_normals(self.topology, now.master)
         nodal /= np.maximum(np.sqrt(np.einsum("nd,nd->n", nodal, nodal)), 1e-300)[:, None]
         corners, normals, points = now.master.corners[facet], nodal[self.topology.vertex[facet]], now.point[candidate]
         weights, normal, outside = np.zeros(corners.shape[:2]), np.empty_like(points), np.empty(len(points))

@@ -74,7 +74,8 @@ class Proportions:
     def area_at(self, contacts: Contacts, positions: FloatArray) -> FloatArray:
         """Area (nc,) [m^2] that each contact stands for, at positions (n_nodes, d) [m]; its sum over a joint is the joint's area, that of
         the overlap of both bodies' facets, see `fcsim.contact_law.areas.overlaps`. In 2D areas are lengths times the thickness that both
-        bodies share: the smaller of two, the deformable one's beside a rigid body, 1 between rigid ones.
+        bodies share: the smaller of two, the deformable one's beside a rigid body, 1 between rigid ones. Points of "segments" have that of
+        their rule, with the overlap's second moments, too.
 
         Where no facets overlap (a body on its edge), and where a body folds on itself: A_k = sum over the facets at node k of n area /
         (nodes of the facet), S_k = sum_b w_bk N_b over the contacts b with the weight w_bk > 0 on k; area_a = sum_k w_ak (-A_k . N_a) /
@@ -86,7 +87,9 @@ class Proportions:
                 for name in ("identity", "nodes", "weights", "frame", "bodies")
             ):
                 return area
-        area = self._area_at(contacts, positions)
+        given = _given(contacts)
+        area = np.zeros(len(contacts)) if contacts.area is None else contacts.area * self._shared_thickness(contacts)
+        area[~given] = self._area_at(contacts if not given.any() else contacts.take(~given), positions)
         area.setflags(write=False)
         self._latest[:] = [(contacts, positions.copy(), area)]
         return area
@@ -155,6 +158,14 @@ class Proportions:
             own = real[:, corner]
             np.add.at(areas, self.facets[own, corner], (vector / real.sum(axis=1)[:, None])[own])
         return areas
+
+
+def _given(contacts: Contacts) -> BoolArray:
+    """Which (nc,) have the area of their rule: not where both bodies are slaves of each other, and share it."""
+    if contacts.area is None:
+        return np.zeros(len(contacts), dtype=bool)
+    one_way, back = _codes(contacts)
+    return np.asarray(np.isfinite(contacts.area) & ~np.isin(one_way, back))
 
 
 def _met_node(contacts: Contacts) -> IntArray:

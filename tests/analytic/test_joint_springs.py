@@ -10,6 +10,7 @@ from scipy.integrate import solve_ivp
 from fcsim import (
     Cohesive,
     Compliant,
+    Detector,
     DrivenRotation,
     Everything,
     ExactContacts,
@@ -20,10 +21,13 @@ from fcsim import (
     SolverSettings,
     Springs,
     Support,
+    SurfacePair,
     Theta,
     at_rest,
     build_model,
+    contact_surface,
 )
+from fcsim.contact_law.proportions import proportions
 from fcsim.mesh import rigid_box, rigid_plane, rigid_sphere
 from fcsim.timestep.step import Step
 
@@ -158,3 +162,70 @@ def test_a_bond_that_overhangs_has_the_strength_of_its_overlap(facets: tuple[int
     (step,) = Simulation(model, Everything(model, 0.5), scheme, 1, settings, witness=None)
     area = 2 / (1 + np.sin(a) + np.cos(a))
     assert force_on(step, "up")[2] == pytest.approx(-tension * area * (1 - tension * d / (2 * energy)), rel=1e-6)
+
+
+def points_of_joints(model: Any, joints: list[tuple[str, str, str, str]], alert: float) -> Detector:
+    """Gauss points of the overlaps of (body, side) and (body, side)."""
+    sides = [(contact_surface(model, [(a, b)]), contact_surface(model, [(c, d)])) for a, b, c, d in joints]
+    return Detector([SurfacePair(slave, master, 0.5, alert, "segments") for slave, master in sides], model.n_nodes)
+
+
+@pytest.mark.parametrize(("facets", "below", "s"), [((3, 5), (1, 1), 1e3), ((5, 3), (7, 4), 1.0), ((1, 1), (6, 5), 1e-3)])
+def test_a_box_on_points_of_overlaps_turns_as_winkler_says(facets: tuple[int, int], below: tuple[int, int], s: float) -> None:
+    """F at e from the middle of b x l on a bed k: F e / (k b l^3 / 12) in the kern; beyond, c = 3 (l/2 - e) bears, 2 F / (k b c^2)."""
+    k, force, b, length = 1e8 / s**2, 1e3 * s, 0.4 * s, 0.6 * s
+    low = rigid_box("low", (s, s, 0.1 * s), (0.0, 0.0, -0.05 * s), 1.0, (*below, 1))
+    up = rigid_box("up", (length, b, 0.1 * s), (0.0, 0.0, 0.05 * s), 1.0, (*facets, 1))
+    held = [Support("low", HELD), Support("up", ("x", "y", "rx", "rz"))]
+    law = Compliant(Springs(normal=k, tangential=1e-4 * k))
+    for e, within in ((0.05 * s, 1e-4), (0.15 * s, 5e-3), (0.22 * s, 2e-2)):
+        model = build_model([low, up], supports=held, loads=[Force("up", (0.0, 0.0, -force), (0.0, force * e, 0.0))])
+        rule = points_of_joints(model, [("up", "z-", "low", "z+")], 0.02 * s)
+        (step,) = Simulation(model, rule, QuasiStatic(1.0, 1.0, law), 1, SolverSettings(tol=1e-10), witness=None)
+        wide = 3 * (length / 2 - e)
+        turned = force * e / (k * b * length**3 / 12) if e < length / 6 else 2 * force / (b * wide**2 * k)
+        assert of_body(step, "up", step.state.x)[4] == pytest.approx(turned, rel=within)
+
+
+@pytest.mark.parametrize(("facets", "ratio", "s"), [((1, 1), 3.0, 1e-3), ((3, 5), 1 + 2 / 9, 1.0), ((5, 5), None, 1e3)])
+def test_springs_at_too_few_nodes_are_named(facets: tuple[int, int], ratio: float | None, s: float) -> None:
+    """Nodes of n facets have 1 + 2 / n^2 of the second moment: said from a tenth on, not of points of overlaps."""
+    low = rigid_box("low", (s, s, 0.1 * s), (0.0, 0.0, -0.05 * s), 1.0)
+    up = rigid_box("up", (0.6 * s, 0.4 * s, 0.1 * s), (0.0, 0.0, 0.05 * s), 1.0, (*facets, 1))
+    model = build_model([low, up], supports=[Support("low", HELD)], gravity=lambda t: (0.0, 0.0, -9.81 * s))
+    law = Compliant(Springs(normal=1e7 / s**2, tangential=1e7 / s**2))
+    for rule, said in ((Everything(model, 0.5), ratio), (points_of_joints(model, [("up", "z-", "low", "z+")], 0.02 * s), None)):
+        (step,) = Simulation(model, rule, QuasiStatic(1.0, 1.0, law), 1, SolverSettings(tol=1e-8), witness=None)
+        remarks = [text for text in step.remarks if "second moment" in text]
+        assert len(remarks) == (said is not None)
+        assert said is None or all("'up'" in text and f"{said:.3g} times that of the area" in text for text in remarks)
+
+
+def test_bricks_in_a_row_bend_as_a_beam_of_their_joints() -> None:
+    """A cantilever of rigid bricks on glued joints with springs: the end sinks by sum_j F a_j^2 / (k I) + F / (k_T A) over the joints."""
+    k, shear, force, size, b, count = 1e9, 1e7, 0.1, 0.2, 0.1, 4
+    bricks = [rigid_box(str(i), (size, b, b), (i * size, 0.0, 0.0), 1.0, (1, 1 + i % 3, 1 + i % 2)) for i in range(count + 1)]
+    model = build_model(bricks, supports=[Support("0", HELD)], loads=[Force(str(count), (0.0, 0.0, -force))])
+    rule = points_of_joints(model, [(str(i + 1), "x-", str(i), "x+") for i in range(count)], 0.01)
+    law = Cohesive(tension=1e6, mode_1=1e3, mode_2=1e3, springs=Springs(normal=k, tangential=shear))
+    (step,) = Simulation(model, rule, QuasiStatic(1.0, 1.0, law), 1, SolverSettings(tol=1e-10), witness=None)
+    arms = size * (np.arange(count) + 0.5)
+    sinks = force * (arms @ arms) / (k * b**4 / 12) + count * force / (shear * b**2)
+    assert of_body(step, str(count), step.state.x)[2] == pytest.approx(-sinks, rel=1e-3)
+
+
+def test_areas_of_points_do_not_depend_on_what_is_open() -> None:
+    """A block that tips on its edge: what it has in sight keeps its area, the overlap's facets are whole."""
+    low, up = (rigid_box(n, (1, 1, 0.2), (0, 0, z), 1.0, (m, 2, 1)) for n, z, m in (("low", -0.1, 4), ("up", 0.1, 3)))
+    model = build_model([low, up], supports=[Support("low", HELD)])
+    rule, sizes, own = points_of_joints(model, [("up", "z-", "low", "z+")], 0.01), proportions(model), model.node_offset[1]
+    areas = {}
+    for angle in (0.0, 0.015, 0.03, 0.1):
+        x, turn = model.reference.copy(), np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+        x[own:, ::2] = (x[own:, ::2] + [0.5, 0.0]) @ turn - [0.5, 0.0]
+        found = rule(x)
+        areas[angle] = dict(zip(found.identity.tolist(), sizes.area_at(found, x), strict=True))
+    assert sum(areas[0.0].values()) == pytest.approx(1.0)
+    assert len(areas[0.0]) > len(areas[0.015]) > len(areas[0.03]) > len(areas[0.1]) > 0
+    share = [sum(a for a in some.values()) for some in areas.values()]
+    assert share[1:] == pytest.approx([0.01 / angle for angle in list(areas)[1:]], abs=0.1)

@@ -87,7 +87,7 @@ class Mortar(SegmentToSegment):
         multiplier, body = np.divmod(key, self.n_bodies)
         kept = size > self.least_share * self._full_size(now)[multiplier]
 
-        normal = np.stack([_sum_by(row, share * -n[:, None], len(key)) for n in now.slave.normal[slave].T], axis=1)[kept]
+        normal = np.stack([_sum_by(row, part, len(key)) for part in self._normals(now, found, share)], axis=1)[kept]
         normal /= np.sqrt(np.einsum("nd,nd->n", normal, normal))[:, None]
         of_contact, shape = np.where(kept, np.cumsum(kept) - 1, -1)[row], (int(kept.sum()), len(now.x))
         nodes = self.slaves.moving_nodes[slave], self.masters.moving_nodes[master]
@@ -119,6 +119,19 @@ class Mortar(SegmentToSegment):
         )
         return contacts, pair
 
+    def _normals(self, now: Configuration, found: Segments, share: FloatArray) -> list[FloatArray]:
+        """- int chi_j n (np, j) of each pair of facets, by components; of twisted slaves n is that of the place."""
+        facet = now.slave.normal[found.slave]
+        parts = [share * -n[:, None] for n in facet.T]
+        twisted, turned = self.turned(now, found)
+        if twisted.any():
+            row = found.row[twisted]
+            chi = found.weight[twisted, None] * self._functions(found)[twisted]
+            cell = row[:, None] * share.shape[1] + np.arange(share.shape[1])
+            for part, n, mean in zip(parts, turned.T, facet[row].T, strict=True):
+                part -= _sum_by(cell, chi * (n - mean)[:, None], share.size).reshape(share.shape)
+        return parts
+
     def _bulge(self, facets: Facets) -> FloatArray | None:
         """Of facets of second order, whose own shape functions measure the gap, what is beyond their own curve."""
         if facets.bulge is None or facets.parents is None:
@@ -148,6 +161,10 @@ class FaceMortar(Mortar):
 
     def _multipliers(self) -> IntArray:
         return np.arange(len(self.slaves.nodes))[:, None]
+
+    def _normals(self, now: Configuration, found: Segments, share: FloatArray) -> list[FloatArray]:
+        """With the mean normal of a facet, its points lie on one line with the master's: no moment."""
+        return [share * -n[:, None] for n in now.slave.normal[found.slave].T]
 
     def _functions(self, found: Segments) -> FloatArray:
         return np.ones((len(found.row), 1))

@@ -1,6 +1,6 @@
 """The segment Gauss point rule: each Gauss point of an overlap of two facets is a contact of its own.
 
-Its frame is that of the slave facet, N = - n, its weights phi_k and - psi_l at the point (see `segment_to_segment`): 2 points a
+Its frame is that of the slave facet there, N = - n, its weights phi_k and - psi_l at the point (see `segment_to_segment`): 2 points a
 segment in 2D; in 3D 3 in each triangle of the overlap, the centre alone where all facets are triangles (six and three where facets
 are of second order). That is exact for the forces of a uniform pressure on triangles and parallelograms, so that the contact patch test
 is passed on any two meshes.
@@ -54,6 +54,14 @@ class SegmentPoints(SegmentToSegment):
         if b is not None:
             found = found._replace(gap=found.gap - b)
         smaller = np.minimum(now.slave.size[found.slave], now.master.size[found.master])
+        normal, (twisted, turned), area = now.slave.normal[found.slave[found.row]], self.turned(now, found), found.weight
+        if twisted.any():
+            steep = np.sqrt(np.einsum("qd,qd->q", turned, turned))
+            area = area.copy()
+            area[twisted] *= steep
+            turned /= steep[:, None]
+            found.gap[twisted] *= np.einsum("qd,qd->q", turned, normal[twisted])
+            normal[twisted] = turned
         wide = found.area > self.least_share * self.area(smaller)
         keep = wide[found.row] & (found.gap <= self.alert[self.pair_of_slave[found.slave]][found.row])
         keep &= found.gap >= -self.penetration * smaller[found.row]
@@ -63,13 +71,14 @@ class SegmentPoints(SegmentToSegment):
         local = (slave - self.slaves.offsets[pair]) * self.n_masters[pair] + master - self.masters.offsets[pair]
         contacts = Contacts(
             point=np.einsum("nk,nkd->nd", found.psi[keep], now.master.corners[master]),
-            frame=frames(-now.slave.normal[slave]),
+            frame=frames(-normal[keep]),
             gap=found.gap[keep],
             mu=self.mu[pair],
             nodes=np.concatenate([_nodes(self.slaves)[slave], _nodes(self.masters)[master]], axis=1),
             weights=np.concatenate([self.slaves.shape(slave, found.phi[keep]), -self.masters.shape(master, found.psi[keep])], axis=1),
             bodies=np.stack([self.slaves.bodies[slave], self.masters.bodies[master]], axis=1),
             identity=local * self.points_a_segment + found.number[keep],
+            area=area[keep],
         )
         if b is None:
             return contacts, pair

@@ -2,7 +2,8 @@
 
 Both facets are projected on the slave facet's tangent plane along its normal n; where they overlap (in 2D an interval, in 3D a polygon,
 cut into triangles) Gauss points x_s on the slave and x_m on the master stand opposite each other, x_m - x_s = g n, with the shape
-functions phi_k of the slave facet and psi_l of the master facet there.
+functions phi_k of the slave facet and psi_l of the master facet there. The slave's normal in a point of a twisted quadrilateral is that of
+the bilinear facet there (`turned`), for contacts to act along.
 
 Sources: M. A. Puso and T. A. Laursen, A mortar segment-to-segment contact method for large deformation solid mechanics, CMAME 193, 2004;
 K. A. Fischer and P. Wriggers, Frictionless 2D contact formulations for finite deformations based on the mortar method, Computational
@@ -17,17 +18,18 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fcsim.arrays import FloatArray, IntArray
+from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.contact_detection.contacts import Contacts
 from fcsim.contact_detection.frames import frames
 from fcsim.contact_detection.integral._overlap_kernels import gauss_points, overlap_polygons
 from fcsim.contact_detection.surfaces import facets as contact_facets
 from fcsim.contact_detection.surfaces.broad_phase import near_facets
 from fcsim.contact_detection.surfaces.bulges import heights
-from fcsim.contact_detection.surfaces.facets import FacetGeometry, Facets
+from fcsim.contact_detection.surfaces.facets import FacetGeometry, Facets, corner_vectors
 from fcsim.contact_detection.surfaces.surface import OPPOSING, SurfacePair
 
 _SLIVER = 1e-12  # overlaps of a smaller part of the slave segment are round-off
+_STEEPEST = 0.1  # n . n_0 of the steepest normal that a twisted facet has
 
 
 def _symmetric(*orbits: tuple[float, float]) -> tuple[FloatArray, FloatArray]:
@@ -141,6 +143,16 @@ class SegmentToSegment(ABC):
         touched[found.row] = True
         row = (np.cumsum(touched) - 1)[found.row]
         return found._replace(slave=slave[touched], master=master[touched], area=found.area[touched], row=row)
+
+    def turned(self, now: Configuration, found: Segments) -> tuple[BoolArray, FloatArray]:
+        """Which Gauss points (nq,) are on twisted slave facets; and their n / (n . n_0), the normal there over that of the facet: areas
+        are those of its tangent plane."""
+        twisted, vectors = corner_vectors(now.slave, found.slave)
+        at = twisted[found.row]
+        row = found.row[at]
+        normal = np.einsum("qk,qkd->qd", found.phi[at], vectors[row])
+        along = np.einsum("qd,qd->q", normal, now.slave.normal[found.slave[row]])
+        return at, normal / np.maximum(along, _STEEPEST * np.sqrt(np.einsum("qd,qd->q", normal, normal)))[:, None]
 
     def area(self, size: FloatArray) -> FloatArray:
         """Areas (2D: lengths) of facets of that size."""

@@ -17,6 +17,9 @@ from fcsim.contact_detection.surfaces.surface import ContactSurface
 from fcsim.errors import InputError
 from fcsim.ranks import for_parts, in_parts
 
+_TWIST = 1e-7
+"""A quadrilateral is twisted whose corners are off its plane by more than this part of its size."""
+
 
 class Facets(NamedTuple):
     """nf facets of width k (the largest in use), surface after surface.
@@ -177,6 +180,39 @@ def _checked(
         bad = int(np.argmin(measure > 0))
         raise InputError(f"contact detection: expected facets of positive area, got area 0 at nodes {facets.nodes[bad].tolist()}")
     return FacetGeometry(corners, centre, radius, normal, measure if facets.width == 2 else np.sqrt(measure))
+
+
+def corner_vectors(here: FacetGeometry, facet: IntArray) -> tuple[BoolArray, FloatArray]:
+    """Which of facets (n,) are twisted quadrilaterals, and vectors (n, k, d) at their corners whose interpolation is along the normal.
+
+    On a bilinear facet x,s x x,t is linear in s and t: sum_k phi_k c_k with the cross products c_k of both edges at each corner, over the
+    area. Of all other facets c_k is the normal; where none is twisted there are no vectors.
+    """
+    if here.corners.shape[1] < 4:
+        return np.zeros(len(facet), dtype=bool), here.corners[:0]
+    off = np.einsum("nd,nd->n", here.corners[facet, 0] - here.centre[facet], here.normal[facet])
+    twisted = np.abs(off) > _TWIST * here.size[facet]
+    if not twisted.any():
+        return twisted, here.corners[:0]
+    corners = here.corners[facet]
+    twisted &= (corners[:, 3] != corners[:, 0]).any(axis=1)
+    vectors = np.repeat(here.normal[facet, None], corners.shape[1], axis=1)
+    own = corners[twisted]
+    crossed = np.cross(np.roll(own, -1, axis=1) - own, np.roll(own, 1, axis=1) - own)
+    vectors[twisted] = crossed / here.size[facet[twisted], None, None] ** 2
+    return twisted, vectors
+
+
+def mean_normals(topology: Topology, here: FacetGeometry) -> FloatArray:
+    """Means (nv, d) of the unit normals that the facets around each vertex have there, not of length 1."""
+    nodal = topology.averaging @ here.normal
+    twisted, vectors = corner_vectors(here, np.arange(len(here.normal)))
+    if twisted.any():
+        unit = vectors / np.maximum(np.sqrt(np.einsum("nkd,nkd->nk", vectors, vectors)), 1e-300)[:, :, None]
+        off, vertex = (unit - here.normal[:, None])[twisted], topology.vertex[twisted].ravel()
+        sums = [np.bincount(vertex, part.ravel(), len(nodal)) for part in np.moveaxis(off, 2, 0)]
+        nodal += np.stack(sums, axis=1) / np.diff(topology.averaging.indptr)[:, None]
+    return nodal
 
 
 def shape_gradients(phi: FloatArray) -> tuple[FloatArray, FloatArray]:

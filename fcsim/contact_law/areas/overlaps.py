@@ -71,12 +71,12 @@ def areas_of_overlaps(
     count = 1 + int(contacts.bodies.max())
     both = np.sort(contacts.bodies, axis=1)
     code = both[:, 0] * count + both[:, 1]
-    found, now, sorted_facets = _overlaps(contacts, chosen, code, positions, facets, bodies)
+    found, now, sorted_facets = overlaps_of(contacts, chosen, code, positions, facets, bodies)
     if not len(found.row):
         return whole
     nodes, n = sorted_facets.closed, len(positions)
     pair_code = sorted_facets.bodies[found.slave] * count + sorted_facets.bodies[found.master]
-    patch_of_pair, patch_of_contact = _patches(contacts, chosen, code, pair_code, found, now, nodes, n)
+    patch_of_pair, patch_of_contact = patches_of(contacts, chosen, code, pair_code, found, now, nodes, n)
     parts = np.isin([pair_code, pair_code % count * count + pair_code // count], slaves).astype(np.float64)
     parts /= np.where(parts.sum(axis=0) > 0, parts.sum(axis=0), 1.0)
     parts[:, ~parts.any(axis=0)] = 0.5  # all contacts are of edges
@@ -92,11 +92,11 @@ def areas_of_overlaps(
     target = sums + np.bincount(patch_of_pair, free, patches)
     factor = np.divide(target, sums, out=np.ones(patches), where=sums > 0)
     area[a] *= factor[patch]
-    area[a] *= _tilt(contacts.point[a], area[a], patch, _centres(found, now, patch_of_pair, patches), lost)
+    area[a] *= _tilt(contacts.point[a], area[a], patch, centres_of(found, now, patch_of_pair, patches)[1], lost)
     return np.where(own, np.maximum(area, _LEAST * whole), whole)
 
 
-def _overlaps(
+def overlaps_of(
     contacts: Contacts, chosen: BoolArray, code: IntArray, positions: FloatArray, facets: IntArray, bodies: IntArray
 ) -> tuple[Segments, Configuration, Facets]:
     """The overlaps among the facets of bodies with chosen contacts, those of the body of the lower number as slaves; the facets near
@@ -146,7 +146,7 @@ def _overlaps(
     return found._replace(slave=one[touched], master=other[touched], area=found.area[touched], row=row), now, kept
 
 
-def _patches(
+def patches_of(
     contacts: Contacts,
     chosen: BoolArray,
     code: IntArray,
@@ -240,11 +240,11 @@ def _given(
     return area, np.where((held > 0) | (missing > 0), 0.0, left), missing
 
 
-def _centres(found: Segments, now: Configuration, patch: IntArray, patches: int) -> FloatArray:
-    """Centres (patches, d) [m] of the overlaps, midway between both bodies."""
+def centres_of(found: Segments, now: Configuration, patch: IntArray, patches: int) -> tuple[FloatArray, FloatArray]:
+    """Gauss points (nq, d) and centres (patches, d) [m] of the overlaps, midway between both bodies."""
     ours, theirs = now.slave.corners[found.slave[found.row]], now.slave.corners[found.master[found.row]]
     points = 0.5 * (np.einsum("qk,qkd->qd", found.phi, ours) + np.einsum("qk,qkd->qd", found.psi, theirs))
-    return _means(points, found.weight, patch[found.row], patches)
+    return points, _means(points, found.weight, patch[found.row], patches)
 
 
 def _means(points: FloatArray, weight: FloatArray, patch: IntArray, patches: int) -> FloatArray:

@@ -14,6 +14,7 @@ from fcsim.timestep.remarks.equilibria.buckled import Buckled
 from fcsim.timestep.remarks.equilibria.snapping import Snapping
 from fcsim.timestep.remarks.lumped_inertia import LumpedInertia
 from fcsim.timestep.remarks.of_laws.carried_round import CarriedRound
+from fcsim.timestep.remarks.of_laws.coarse_springs import coarse_springs
 from fcsim.timestep.remarks.of_laws.rigid_joints import rigid_joints
 from fcsim.timestep.remarks.of_laws.rolled_on import RolledOn
 from fcsim.timestep.remarks.of_laws.struck_together import struck_together
@@ -45,6 +46,7 @@ class StepRemarks:
             | struck_together(step, when, said)
             | turned_slip(step, when, said)
             | rigid_joints(step, when, said)
+            | coarse_springs(step, when, said)
             | self._rolled(step, found, when, said)
             | self._carried(step, found, when, said)
             | self._chords(step, when, said)

@@ -388,7 +388,8 @@ def test_normal_velocity_is_the_rate_of_the_gap(rule: Rule, seed: int) -> None:
 
 @pytest.mark.parametrize("rule", ["mortar-faces", "segments"])
 def test_warped_quadrilaterals(rule: Rule) -> None:
-    """Bilinear facets out of plane: points of both facets, and their means, on one line along the slave's mean normal, apart by the gap."""
+    """Bilinear facets out of plane: points of both facets, and their means, on one line along the slave's mean normal, apart by the gap;
+    the contacts of points have the normal of the slave there."""
     generator = np.random.default_rng(4)
     slave, master = plate(np.linspace(0, 1, 4), np.linspace(0, 1, 4), up=False), plate(np.linspace(-0.1, 1.1, 4), np.linspace(-0.2, 1.1, 4))
     for points in (slave[0], master[0]):
@@ -396,4 +397,18 @@ def test_warped_quadrilaterals(rule: Rule) -> None:
     contacts, x = detect((slave[0] + [0, 0, 0.05], slave[1]), [master], rule)
     assert len(contacts) > 27 if rule == "segments" else len(contacts) == 9
     on_slave = np.einsum("nk,nkd->nd", np.maximum(contacts.weights, 0), x[contacts.nodes])
-    np.testing.assert_allclose(on_slave - contacts.point, contacts.gap[:, None] * contacts.frame[:, 0], atol=1e-12)
+    if rule == "mortar-faces":
+        np.testing.assert_allclose(on_slave - contacts.point, contacts.gap[:, None] * contacts.frame[:, 0], atol=1e-12)
+        return
+    corners, phi = x[contacts.nodes[:, :4]], contacts.weights[:, :4]
+    along = unit(np.cross(corners[:, 2] - corners[:, 0], corners[:, 1] - corners[:, 3]))
+    apart = np.einsum("nd,nd->n", on_slave - contacts.point, along)
+    np.testing.assert_allclose(on_slave - contacts.point, apart[:, None] * along, atol=1e-12)
+    s, t = phi[:, 1:3].sum(axis=1)[:, None], phi[:, 2:].sum(axis=1)[:, None]
+    tangents = [(1 - b) * (corners[:, i] - corners[:, 0]) + b * (corners[:, 2] - corners[:, j]) for i, j, b in ((1, 3, t), (3, 1, s))]
+    np.testing.assert_allclose(contacts.frame[:, 0], -unit(np.cross(*tangents)), atol=1e-9)
+    np.testing.assert_allclose(contacts.gap, apart * np.einsum("nd,nd->n", along, contacts.frame[:, 0]), atol=1e-12)
+
+
+def unit(vectors: np.ndarray) -> np.ndarray:
+    return vectors / np.linalg.norm(vectors, axis=1)[:, None]
