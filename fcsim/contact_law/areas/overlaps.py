@@ -39,6 +39,8 @@ _BESIDE = 1e-6
 """A node is over a facet also where it is outside its edges by no more than this part of the facet's size."""
 _LEAST_TILT = 0.1
 """Of an area that is left where areas are tilted."""
+_ARM = 1e-3
+"""Of a patch's size: areas are not tilted along a direction in which its contacts are less apart (one contact alone by round-off)."""
 _LEAST = 1e-6
 """Of the area of whole facets that a contact keeps at least."""
 
@@ -262,7 +264,10 @@ def _tilt(points: FloatArray, area: FloatArray, patch: IntArray, centres: FloatA
     second = np.zeros((patches, d, d))
     np.add.at(second, patch, area[:, None, None] * arm[:, :, None] * arm[:, None, :])
     total = np.bincount(patch, area, patches)
-    slope = np.einsum("pij,pj->pi", np.linalg.pinv(second, rcond=1e-4, hermitian=True), total[:, None] * (centres - mean))
+    least_known = _ARM**2 * total * total ** (2 / (d - 1))
+    most = np.trace(second, axis1=1, axis2=2)
+    cut = np.maximum(1e-4, np.divide(least_known, most, out=np.ones(patches), where=most > least_known))
+    slope = np.einsum("pij,pj->pi", np.linalg.pinv(second, rcond=cut, hermitian=True), total[:, None] * (centres - mean))
     slope[lost] = 0.0
     by = np.einsum("ai,ai->a", arm, slope[patch])
     least = np.zeros(patches)
