@@ -31,6 +31,8 @@ _ALIGNED = 0.5
 """Facets overlap, and are a contact's, whose normals are within 60 degrees of each other's, and of the contact's."""
 _SMOOTH = np.sqrt(0.5)
 """Neighbours whose normals meet at less than 45 degrees are of one patch."""
+_FLUSH = 0.999
+"""Facets lean whose normals are more than 2.6 degrees from each other's."""
 _REACH = 2.0
 """Facets overlap whose distance is not larger than so many times the largest gap of the two bodies' contacts,"""
 _FLAT = 1e-3
@@ -39,6 +41,8 @@ _BESIDE = 1e-6
 """A node is over a facet also where it is outside its edges by no more than this part of the facet's size."""
 _LEAST_TILT = 0.1
 """Of an area that is left where areas are tilted."""
+_ARM = 1e-3
+"""Of a patch's size: areas are not tilted along a direction in which its contacts are less apart (one contact alone by round-off)."""
 _LEAST = 1e-6
 """Of the area of whole facets that a contact keeps at least."""
 
@@ -132,18 +136,29 @@ def overlaps_of(
     order = np.lexsort([other, one])
     one, other, between = one[order], other[order], between[order]
     least = _REACH * widest_gap[np.searchsorted(codes, between)] + _FLAT * np.minimum(here.size[one], here.size[other])
-    if d == 2:
-        found = intervals(now, one, other)
-        close = (np.bincount(found.row, np.abs(found.gap) <= least[found.row], len(one)) > 0)[found.row]
-        gap, weight, phi, psi = found.gap[close], found.weight[close], found.phi[close], found.psi[close]
-        found = Segments(one, other, found.area, found.row[close], found.number[close], weight, gap, phi, psi)
-    else:
-        sides = (kept.nodes >= 0).sum(axis=1)
-        found = polygons(now, one, other, least, (sides, sides), THREE_POINTS)
+    sides = (kept.nodes >= 0).sum(axis=1)
+    found = _clipped(now, one, other, least, sides)
+    lean = np.flatnonzero(np.einsum("pi,pi->p", here.normal[one], here.normal[other]) > -_FLUSH)
+    if len(lean):  # measured in the planes of the one or the other: the mean, whichever body is first
+        back = _clipped(now, other[lean], one[lean], least[lean], sides)
+        there, first = (np.bincount(by.row, by.weight, n) for by, n in ((back, len(lean)), (found, len(one))))
+        factor, both = np.ones(len(one)), (there > 0) & (first[lean] > 0)
+        factor[lean[both]] = 0.5 * (1 + there[both] / first[lean[both]])
+        found = found._replace(weight=found.weight * factor[found.row])
     touched = np.zeros(len(one), dtype=bool)
     touched[found.row] = True
     row = (np.cumsum(touched) - 1)[found.row]
     return found._replace(slave=one[touched], master=other[touched], area=found.area[touched], row=row), now, kept
+
+
+def _clipped(now: Configuration, one: IntArray, other: IntArray, least: FloatArray, sides: IntArray) -> Segments:
+    """The overlaps of facets that are no farther apart than `least` (np,) [m], measured in the planes of the first; sides (nf,)."""
+    if now.x.shape[1] == 3:
+        return polygons(now, one, other, least, (sides, sides), THREE_POINTS)
+    found = intervals(now, one, other)
+    close = (np.bincount(found.row, np.abs(found.gap) <= least[found.row], len(one)) > 0)[found.row]
+    gap, weight, phi, psi = found.gap[close], found.weight[close], found.phi[close], found.psi[close]
+    return Segments(one, other, found.area, found.row[close], found.number[close], weight, gap, phi, psi)
 
 
 def patches_of(
@@ -262,7 +277,10 @@ def _tilt(points: FloatArray, area: FloatArray, patch: IntArray, centres: FloatA
     second = np.zeros((patches, d, d))
     np.add.at(second, patch, area[:, None, None] * arm[:, :, None] * arm[:, None, :])
     total = np.bincount(patch, area, patches)
-    slope = np.einsum("pij,pj->pi", np.linalg.pinv(second, rcond=1e-4, hermitian=True), total[:, None] * (centres - mean))
+    least_known = _ARM**2 * total * total ** (2 / (d - 1))
+    most = np.trace(second, axis1=1, axis2=2)
+    cut = np.maximum(1e-4, np.divide(least_known, most, out=np.ones(patches), where=most > least_known))
+    slope = np.einsum("pij,pj->pi", np.linalg.pinv(second, rcond=cut, hermitian=True), total[:, None] * (centres - mean))
     slope[lost] = 0.0
     by = np.einsum("ai,ai->a", arm, slope[patch])
     least = np.zeros(patches)

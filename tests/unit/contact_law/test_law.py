@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
+from scipy.spatial.transform import Rotation
 
 from fcsim.assembly.model import build_model
 from fcsim.contact_detection import Detector, SurfacePair, two_pass
@@ -188,6 +189,39 @@ def test_what_is_too_far_away_for_a_contact_has_no_area() -> None:
     hinge, c, s = np.array([-0.5, 0.0, 0.0]), np.cos(0.1), np.sin(0.1)
     points = (slab.points - hinge) @ np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]]) + hinge
     assert _area(build_model([replace(slab, points=points), floor]))[0] == pytest.approx(1 / 8, rel=6e-3)
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_areas_do_not_ask_which_body_is_first(d: int) -> None:
+    """A corner alone in the ground, its faces 30 degrees and more from it: the same in both orders."""
+    made, turn = (
+        (rigid_rectangle, [[np.cos(0.5), -np.sin(0.5)], [np.sin(0.5), np.cos(0.5)]])
+        if d == 2
+        else (rigid_box, Rotation.from_rotvec([0.4, 0.5, 0.2]).as_matrix())
+    )
+    box, floor = made("box", (0.3,) * d, (0.0,) * d, 1.0), made("floor", (4.0,) * d, (0.0,) * (d - 1) + (-2.0,), 1.0)
+    corners = box.points @ np.transpose(turn)
+    to = np.append(np.full(d - 1, 0.03), -corners[:, -1].min() - 1e-3)
+    areas = []
+    for bodies in ([floor, placed := replace(box, points=corners + to, centre=to)], [placed, floor]):
+        model = build_model(bodies)
+        areas.append(proportions(model).area_at(Everything(model, 0.5)(model.reference), model.reference))
+    assert_allclose(areas[0], areas[1], rtol=1e-9)
+    part = 0.3 ** (d - 1) / 2 ** (d - 1)
+    assert 0.75 * part < areas[0].sum() < 2 * part
+
+
+def test_two_edges_that_cross_alone_have_no_more_than_the_overlap() -> None:
+    """A tilted bar across the rim of a block, by one contact: one point is off its mean by round-off alone."""
+    block, bar = rigid_box("block", (1.0, 1.0, 1.0), np.zeros(3), 1.0), rigid_box("bar", (0.4, 0.3, 0.3), np.zeros(3), 1.0)
+    corners = (bar.points + np.array([0.2, 0.15, 0.15])) @ Rotation.from_euler("yx", (0.35, 0.2)).as_matrix().T
+    crossing = corners[0] + 0.75 * (corners[np.argmax(bar.points @ np.array([1, -1, -1]))] - corners[0])
+    for y in np.random.default_rng(1).uniform(-0.25, -0.05, 20):
+        to = np.array([0.5, 0.5 + y, 0.5 - 1e-4]) - crossing
+        model = build_model([block, replace(bar, points=corners + to, centre=corners.mean(axis=0) + to)])
+        contacts = Everything(model, 0.5)(model.reference)
+        assert len(contacts) == 1
+        assert 0 < proportions(model).area_at(contacts, model.reference)[0] < 0.4 * 0.3
 
 
 def test_areas_in_two_dimensions_have_the_thickness() -> None:

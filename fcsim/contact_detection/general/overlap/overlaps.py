@@ -3,14 +3,15 @@
 Corners that meet head-on may go past each other, see `wedges`. What else there is happens deep inside: a vertex that has gone through a
 thin tip is outside again, on the other side. Where an edge of one body goes through a facet of the other, the end that is behind the facet
 is its contact; of all such ends of two bodies the least deep one counts. An end far beside the facet is none where the two bodies touch
-elsewhere by less: facets that bend are no planes, and an edge that touches their rim goes through these.
+elsewhere by less: facets that bend are no planes, and an edge that touches their rim goes through these. Nor is one, however near, that
+the edge reaches only after it has crossed that rim, in a contact that is less deep: what is behind the facet's plane there is beside it.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from fcsim.arrays import FloatArray
+from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.contact_detection.general._foot_kernels import feet
 from fcsim.contact_detection.general._pierce_kernels import piercing
 from fcsim.contact_detection.general.edges import EdgeContacts
@@ -18,6 +19,7 @@ from fcsim.contact_detection.general.near import NearBodies, near_edges_and_face
 from fcsim.contact_detection.general.overlap.wedges import wedge_contacts
 from fcsim.contact_detection.general.vertices import VertexContacts
 from fcsim.contact_detection.skin.skin import Shape, Skin
+from fcsim.contact_detection.surfaces.ragged import of_same_key
 
 _BY = 10.0  # times `near`: what overlaps by less touches
 _RESTS = 1e-5  # of half a facet: what solvers leave of a contact at rest
@@ -63,11 +65,29 @@ def _pierced(skin: Skin, shape: Shape, suspect: NearBodies, vertices: VertexCont
     if beside.any():
         touching = edges_met.take(edges_met.gap < -height.min()), vertices.take(vertices.gap < -height.min())
         beside &= -height > _least_gaps(skin, suspect, touching[1], touching[0])[pair]
+    if len(edges_met.gap):
+        beside |= _leaves_over_a_rim(skin, shape, edge[through], facet, end[through], height, edges_met)
     order = np.lexsort((facet, vertex, -height, pair))
     order = order[~beside[order]]
     rows = order[np.append(True, np.diff(pair[order]) != 0)] if len(order) else order
     found = VertexContacts(vertex, facet, weights, shape.normal[facet], height).take(rows)
     return found if len(rows) else None
+
+
+def _leaves_over_a_rim(
+    skin: Skin, shape: Shape, edge: IntArray, facet: IntArray, end: IntArray, height: FloatArray, met: EdgeContacts
+) -> BoolArray:
+    """Whether edges (n,) that go through facets (n,), by height (n,) < 0 [m] at their ends (n,), 0 or 1, have known contacts that are less
+    deep with an edge of that facet, between the facet and that end."""
+    count, nf = len(met.gap), len(skin.facets)
+    crossing = np.concatenate([np.repeat(met.edges[:, own] * nf, 2) + skin.edge_facets[met.edges[:, 1 - own]].ravel() for own in range(2)])
+    row, contact = of_same_key(crossing, edge * nf + facet)
+    own, contact = contact // (2 * count), contact % (2 * count) // 2
+    origin = shape.point[skin.facets[facet[row], 0]]  # as `pierced` has it
+    heights = np.einsum("red,rd->re", shape.point[skin.edges[edge[row]]] - origin[:, None], shape.normal[facet[row]])
+    through = heights[:, 0] / (heights[:, 0] - heights[:, 1])  # of its length; the two have different signs
+    after = np.where(end[row] == 1, 1.0, -1.0) * (met.place[contact, own] - through) >= 0.0
+    return np.bincount(row[after & (met.gap[contact] > height[row])], minlength=len(edge)) > 0
 
 
 def _deepest(skin: Skin, near: NearBodies, vertices: VertexContacts, edges: EdgeContacts) -> FloatArray:
