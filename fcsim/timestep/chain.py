@@ -16,6 +16,7 @@ from fcsim.problem.reduction import Reduction
 from fcsim.problem.rolling import RollingReduction
 from fcsim.solvers import SOLVERS, Memory, Result, Status, method, solve
 from fcsim.solvers.base import choice, override
+from fcsim.solvers.small.door import CONTACTS
 from fcsim.solvers.solve_rolling import solve_rolling
 
 OF_NEWTON = 1e-9
@@ -164,11 +165,14 @@ def solve_chain(
     attempts: list[Attempt],
     kept: Memory | None,
     lead: Lead,
+    *,
+    keeps: bool = True,
 ) -> tuple[Result | None, Memory | None]:
     """Return the first answer of the chain below `tol`, None where no link reaches it, and what the chain leaves for the next problem.
 
     warm (m,): where the first link begins; share: of the step that is solved; kept: what the problem before left; lead: who
-    begins. What was tried is added to `attempts`.
+    begins; keeps: whether what `auto` leaves of up to 128 contacts serves the next problems, not so where all bodies are rigid. What was
+    tried is added to `attempts`.
     """
     chain: list[tuple[str, str, Mapping[str, object]]] = [(settings.name, "previous steps", settings.options)]
     if lead.steps:
@@ -177,10 +181,12 @@ def solve_chain(
         chain.append((settings.name, "zero", settings.options))
     chain += [(name, "zero", {}) for name in settings.fallback if name != settings.name]
     solved: Callable[..., Result] = solve  # which checks the options
+    few = not keeps and reduction.problem.nc <= CONTACTS
     for k, (name, start, options) in enumerate(chain):
         r = warm if start == "previous steps" else None
-        result = solved(reduction, name, r, tol=tol, floor=settings.least_motion, memory=kept, **options)
-        kept = result.memory
+        serving = None if few and name == "auto" else kept  # without a memory it passes its compiled front door
+        result = solved(reduction, name, r, tol=tol, floor=settings.least_motion, memory=serving, **options)
+        kept = kept if serving is None else result.memory
         attempts.append(Attempt(name, start, result.status.value, result.error, result.iterations, share, tol, k == 0 and lead.steps > 0))
         if result.solved:
             return replace(result, memory=None), kept

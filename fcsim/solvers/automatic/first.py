@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import scipy.sparse as sp
 
-from fcsim.solvers.automatic.closed import closed, newton_stays, on_springs, singular_here
+from fcsim.solvers.automatic.closed import closed, held_as_blocks, newton_stays, on_springs, singular_here
 from fcsim.solvers.automatic.expected import NEWTON
 from fcsim.solvers.automatic.race import Race
 
@@ -44,7 +44,10 @@ def splitting_first(race: Race) -> bool:
 def proximal_first(race: Race) -> bool:
     """Whether proximal Newton is the first stage: in joints of rigid bodies whose contacts hold more velocities than these have, be it only
     those that close, so that Newton's matrix is singular, be it at r = 0. Its first iterations there cost no more than a probe of sweeps
-    that begin anew, as they do in joints, and bring more, from a warm start as well."""
-    if race.joints is None or not race.prices.in_velocities or "proximal Newton" in race.options.without:
+    that begin anew, as they do in joints, and bring more, from a warm start as well. Also from a warm start where edges or faces hold one
+    another without joints in W, as in small walls and arches, where it takes one to ten iterations."""
+    if not race.prices.in_velocities or "proximal Newton" in race.options.without:
         return False
+    if race.joints is None:
+        return race.warm and held_as_blocks(race)
     return singular_here(race)

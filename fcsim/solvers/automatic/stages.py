@@ -41,6 +41,7 @@ from fcsim.solvers.automatic.later import (
     interior_leads,
     on_a_path,
 )
+from fcsim.solvers.automatic.nearby import proximal_alone
 from fcsim.solvers.automatic.over_ranks import automatic_over_ranks
 from fcsim.solvers.automatic.pause import run_with_pauses
 from fcsim.solvers.automatic.race import LITTLE, SLOWING, Race, RaceOptions, Runner, ShareOfMonitor, Stage
@@ -77,9 +78,8 @@ class AutomaticOptions(RaceOptions):
     def __post_init__(self) -> None:
         super().__post_init__()
         known = [stage.name for stage in STAGES]
-        for name in self.without:
-            if name not in known:
-                raise InputError(f"option without: expected names of {', '.join(known)}, got {name!r}")
+        for name in (name for name in self.without if name not in known):
+            raise InputError(f"option without: expected names of {', '.join(known)}, got {name!r}")
 
 
 def _newton(race: Race) -> float:
@@ -116,9 +116,7 @@ def _proximal_before_splitting(race: Race) -> bool:
         return proximal_first(race) and (runner is None or _has_still_to_spend(race, runner, JOINTS_SHARE))
     if not race.prices.in_velocities or "proximal Newton" in race.options.without:
         return False
-    if runner is not None and runner.result is None and on_springs(race):
-        return True
-    if runner is None or (faces(race) and interior_is_first(race)):
+    if runner is None or (faces(race) and interior_is_first(race)) or (runner.result is None and on_springs(race)):
         return True
     if runner.result is not None or not at_first(runner):
         return False
@@ -169,9 +167,8 @@ def _proximal_is_due(race: Race) -> bool:
         return True
     if not race.over("Newton"):
         return singular_here(race) and dearer_than_proximal(race, swept(race)) and not sweeps_lead_on(race)
-    if race.warm or race.joints is not None or on_springs(race):
-        return True
-    return dearer_than_proximal(race, swept(race)) and not sweeps_lead_on(race)
+    near = race.warm or race.joints is not None or on_springs(race)
+    return near or (dearer_than_proximal(race, swept(race)) and not sweeps_lead_on(race))
 
 
 def _share_of_sweeps(race: Race) -> float:
@@ -338,11 +335,13 @@ def automatic(problem: LocalProblem, r: FloatArray, monitor: Monitor, options: A
         if iterate.status in (Status.SOLVED, Status.TIME_LIMIT):
             return iterate
         problem, r = problem.whole, iterate.r
-    joints = problem.delassus.joints_like(last_pattern(monitor.memory))
-    fitting = problem.stored()
+    answer, runners = proximal_alone(problem, r, monitor, options, next(stage for stage in STAGES if stage.name == "proximal Newton"))
+    if answer is not None:
+        return answer
+    joints, fitting = problem.delassus.joints_like(last_pattern(monitor.memory)), problem.stored()
     swept = problem if isinstance(fitting.W, np.ndarray) else fitting  # block rows are made of sparse storage if there is any
-    race = Race(fitting, swept, monitor, options, Prices.of(fitting, problem.delassus, joints), bool(np.any(r)), joints, r)
-    if monitor.record(r, fitting.W @ r + fitting.q) <= monitor.tol:
+    race = Race(fitting, swept, monitor, options, Prices.of(fitting, problem.delassus, joints), bool(np.any(r)), joints, r, runners)
+    if not runners and monitor.record(r, fitting.W @ r + fitting.q) <= monitor.tol:
         return Iterate(r, Status.SOLVED)
     try:
         return run_with_pauses(race, [stage for stage in STAGES if stage.name not in options.without], exhausted)

@@ -56,7 +56,7 @@ def _solved(
     equation: Equation, settings: SolverSettings, extent: float, past: Past, attempts: list[Attempt], clock: Clock
 ) -> tuple[Answer | None, Past]:
     """`solve_equation` without what it keeps of the motion."""
-    elastic, lead = equation.elastic, past.lead
+    elastic, lead, keeps = equation.elastic, past.lead, equation.model.n_elastic > 0
     newton = _newton_begins(lead.solver if lead.steps else settings.name, past.serving)
     compliance = _beginning(equation, method(settings.name), first=not lead.steps, late=newton)
     term, mixing, start, r = elastic.term(elastic.first) - elastic.push(elastic.first), Mixing(), None, np.empty(0)
@@ -85,7 +85,7 @@ def _solved(
             compliance = replace(compliance, summed=reduction.local.W if rolling is None else rolling.W)
         clock.lap("assembly")
         if rolling is None:
-            result, serving = solve_chain(settings, reduction, r, tol, equation.share, attempts, past.serving, lead)
+            result, serving = solve_chain(settings, reduction, r, tol, equation.share, attempts, past.serving, lead, keeps=keeps)
         else:
             result, serving = solve_rolling_chain(settings, rolling, r, tol, equation.share, attempts), past.serving
         clock.lap("solve")

@@ -129,6 +129,9 @@ def test_newton_keeps_its_systems_for_the_next_steps(changes: dict[str, Any], st
         ({"holds": 1.1, "warm": True}, True),
         ({"holds": 1.1, "without": ("proximal Newton",)}, False),
         ({"holds": 1.1, "joints": None}, False),
+        ({"holds": 1.4, "joints": None, "warm": True}, True),  # faces
+        ({"holds": 1.4, "joints": None}, False),
+        ({"holds": 1.4, "joints": None, "warm": True, "points": 2.0}, False),  # grains
     ],
 )
 def test_in_joints_proximal_newton_is_first_where_newton_s_matrix_is_singular(changes: dict[str, Any], is_first: bool) -> None:

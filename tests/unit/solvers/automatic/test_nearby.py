@@ -1,0 +1,52 @@
+"""`auto` from a start near the answer between rigid blocks, and in steps of few contacts of rigid bodies."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from fcsim.bench.families import problems
+from fcsim.problem import GlobalProblem, LocalProblem
+from fcsim.problem.reduction import reduce
+from fcsim.solvers import Memory, solve
+from fcsim.solvers.automatic import stages
+from fcsim.timestep.chain import NOBODY, Attempt, SolverSettings, solve_chain
+
+Measure = Callable[[LocalProblem, np.ndarray], float]
+
+
+def _reduced(family: str, size: int) -> LocalProblem:
+    given = problems(family, size, 0)
+    assert isinstance(given, GlobalProblem)
+    return reduce(given).local
+
+
+@pytest.mark.parametrize("family", ["towers", "walls-2D"])
+def test_from_a_near_start_proximal_newton_begins_and_w_is_not_made_ready_for_others(
+    family: str, monkeypatch: pytest.MonkeyPatch, error_of: Measure
+) -> None:
+    local = _reduced(family, 200)
+    answer = solve(local, "PPA-NSN-AC", tol=1e-10)
+    near = answer.r * (1 + 1e-3 * np.sin(np.arange(local.m)))
+    assert answer.solved and error_of(local, near) > 1e-6
+    monkeypatch.setattr(LocalProblem, "stored", lambda self: pytest.fail("W is stored anew"))
+    monkeypatch.setattr(stages.methods, "sweeps", lambda *_: pytest.fail("sweeps begin"))
+    for start in (near, answer.r):  # an answer takes no iteration
+        found = solve(local, "auto", start, memory=Memory.of(np.arange(local.nc)))
+        assert found.solved and error_of(local, found.r) <= 1.001e-8 and found.iterations <= (0 if start is answer.r else 30)
+
+
+def test_few_contacts_of_rigid_bodies_pass_the_compiled_front_door_in_steps_too(monkeypatch: pytest.MonkeyPatch, error_of: Measure) -> None:
+    given = problems("spheres", 40, 0)
+    assert isinstance(given, GlobalProblem)
+    reduction, tried = reduce(given), list[Attempt]()
+    memory = Memory.of(np.arange(given.nc))
+    monkeypatch.setattr(stages, "Race", lambda *_: pytest.fail("a race begins"))
+    arguments = SolverSettings(), reduction, np.zeros(given.m), 1e-8, 1.0, tried, memory, NOBODY
+    result, kept = solve_chain(*arguments, keeps=False)
+    assert result is not None and error_of(reduction.local, result.r) <= 1.001e-8
+    assert kept is memory and tried[0].status == "solved"
+    with pytest.raises(pytest.fail.Exception, match="a race begins"):
+        solve_chain(*arguments)
