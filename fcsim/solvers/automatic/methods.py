@@ -59,6 +59,9 @@ PATHS = PathOptions()
 PATHS_IN_MOTION = PathOptions(along=2.0, held=6, longest=1200, patience=400)
 """From a warm start: ten steps of rigid masonry in motion that took 2600 to 27 000 pieces each took 104 000 by the options of the table,
 whose paths are lost again where alpha falls tenfold after each, and take 51 000, none more than 10 700."""
+ANEW = 12_000
+"""Pieces after which paths from a warm start begin anew from zero, by turns of as many: of 35 hard steps those that took 41 000 and 27 000,
+by others in the end, take 4800 and 3800 from zero, one that was not solved 6000, the others more or less."""
 INTERIOR = InteriorPointOptions(paths=3)
 """Of 44 runs of up to six central paths in beds of grains that arrived, from zero and from iterates of sweeps and of proximal Newton, 40
 took at most three."""
@@ -262,9 +265,35 @@ def _interior(race: Race, monitor: ShareOfMonitor, r: FloatArray, options: Inter
 
 
 def paths(race: Race, monitor: ShareOfMonitor) -> Turns:
-    """PROX-PATH's proximal steps along paths from the best iterate; where another method is well ahead, from its iterate."""
+    """PROX-PATH's proximal steps along paths from the best iterate; where another method is well ahead, from its iterate. From a warm start
+    by turns of `ANEW` pieces with those from where proximal Newton leads from zero."""
     options = replace(PATHS_IN_MOTION if race.warm else PATHS, max_iterations=race.options.max_iterations)
-    return _anew_where_overtaken(race, monitor, lambda: path_turns(race.problem, race.best_r(), monitor, options))
+    first = _anew_where_overtaken(race, monitor, lambda: path_turns(race.problem, race.best_r(), monitor, options))
+    runs = [first, _paths_from_zero(race, monitor, options)] if race.warm else [first]
+    while True:
+        until = monitor.iterations + ANEW
+        try:
+            while monitor.iterations < until:
+                next(runs[0])
+                yield
+        except StopIteration as stop:
+            iterate: Iterate = stop.value
+            if iterate.status in (Status.SOLVED, Status.TIME_LIMIT) or len(runs) == 1:
+                return iterate
+            runs.pop(0)
+        else:
+            runs.append(runs.pop(0))
+
+
+def _paths_from_zero(race: Race, monitor: ShareOfMonitor, options: PathOptions) -> Turns:
+    """PROX-PATH from r = 0, its iterations of PROX-NEWTON first."""
+    r = np.zeros_like(race.start)
+    alpha = min(PROXIMAL_NEWTON.alpha, ALPHA * float(np.sqrt(monitor.error(r, race.problem.q))))
+    most = min(monitor.iterations + options.before, options.max_iterations)
+    iterate = yield from proximal_turns(race.problem, r, monitor, replace(PROXIMAL_NEWTON, alpha=alpha, max_iterations=most))
+    if iterate.status in (Status.SOLVED, Status.TIME_LIMIT):
+        return iterate
+    return (yield from path_turns(race.problem, iterate.r, monitor, options))
 
 
 def overtaken(race: Race, monitor: ShareOfMonitor) -> bool:

@@ -34,6 +34,8 @@ LEAST_PIVOT = 1e-9
 """1 + n . g below which the matrix is factored anew."""
 SMALL_PIVOT = 1e-4
 """1 + n . g below which what is left of J e is looked at."""
+TRUSTED = 1e3
+"""Times what the last solution that was looked at left over what was there before: as much the next ones with the same factor may leave."""
 SHORT = 1e-9
 """Length of a piece that is none."""
 
@@ -61,38 +63,45 @@ def by_ranks(C, least):
 
 
 @njit(cache=True, nogil=True, fastmath={"contract"})
-def speeds(unknowns, h, v, u):
-    """u (nc, 4) = H^T v of v (n + 1,): h (nc, k, 4), of which d are not 0, for the unknowns (nc, k), n where a contact has fewer."""
-    for a in range(len(unknowns)):
-        u0 = u1 = u2 = u3 = 0.0
-        for j in range(h.shape[1]):
-            speed = v[unknowns[a, j]]
-            u0 += h[a, j, 0] * speed
-            u1 += h[a, j, 1] * speed
-            u2 += h[a, j, 2] * speed
-            u3 += h[a, j, 3] * speed  # zeros, so that the compiler makes vectors
-        u[a, 0], u[a, 1], u[a, 2], u[a, 3] = u0, u1, u2, u3
+def speeds(faces, unknowns, h, v, own, u):
+    """u (nc, 4) = H^T v of v (n + 1,): h (nc, k, 4), of which d are not 0, for the unknowns (nc, k), n where a contact has fewer. Contacts
+    from faces[g] to faces[g + 1] have the same, which are gathered once; own (k,) is room."""
+    for g in range(len(faces) - 1):
+        for j in range(len(own)):
+            own[j] = v[unknowns[faces[g], j]]
+        for a in range(faces[g], faces[g + 1]):
+            u0 = u1 = u2 = u3 = 0.0
+            for j in range(len(own)):
+                speed = own[j]
+                u0 += h[a, j, 0] * speed
+                u1 += h[a, j, 1] * speed
+                u2 += h[a, j, 2] * speed
+                u3 += h[a, j, 3] * speed  # zeros, so that the compiler makes vectors
+            u[a, 0], u[a, 1], u[a, 2], u[a, 3] = u0, u1, u2, u3
 
 
 @njit(cache=True, nogil=True, fastmath={"contract"})
-def rates(unknowns, h, normals, e, w, rho, way, status, dz):
+def rates(faces, unknowns, h, normals, e, w, rho, way, status, own, dz):
     """Into dz (nc, 3) -rho way (H^T e - w), of open contacts the normal one alone: the others are `carried`."""
-    for a in range(len(unknowns)):
-        factor = -rho[a] * way
-        if status[a] == 0:
-            u0 = 0.0
-            for j in range(normals.shape[1]):
-                u0 += normals[a, j] * e[unknowns[a, j]]
-            dz[a, 0], dz[a, 1], dz[a, 2] = factor * (u0 - w[a, 0]), 0.0, 0.0
-            continue
-        u0 = u1 = u2 = u3 = 0.0
-        for j in range(h.shape[1]):
-            speed = e[unknowns[a, j]]
-            u0 += h[a, j, 0] * speed
-            u1 += h[a, j, 1] * speed
-            u2 += h[a, j, 2] * speed
-            u3 += h[a, j, 3] * speed
-        dz[a, 0], dz[a, 1], dz[a, 2] = factor * (u0 - w[a, 0]), factor * (u1 - w[a, 1]), factor * (u2 - w[a, 2])
+    for g in range(len(faces) - 1):
+        for j in range(len(own)):
+            own[j] = e[unknowns[faces[g], j]]
+        for a in range(faces[g], faces[g + 1]):
+            factor = -rho[a] * way
+            if status[a] == 0:
+                u0 = 0.0
+                for j in range(len(own)):
+                    u0 += normals[a, j] * own[j]
+                dz[a, 0], dz[a, 1], dz[a, 2] = factor * (u0 - w[a, 0]), 0.0, 0.0
+                continue
+            u0 = u1 = u2 = u3 = 0.0
+            for j in range(len(own)):
+                speed = own[j]
+                u0 += h[a, j, 0] * speed
+                u1 += h[a, j, 1] * speed
+                u2 += h[a, j, 2] * speed
+                u3 += h[a, j, 3] * speed
+            dz[a, 0], dz[a, 1], dz[a, 2] = factor * (u0 - w[a, 0]), factor * (u1 - w[a, 1]), factor * (u2 - w[a, 2])
 
 
 @njit(cache=True, nogil=True)
@@ -111,17 +120,6 @@ def push(unknowns, h, a, f0, f1, f2, b):
     """Add H_a f of contact a to b (n + 1,)."""
     for j in range(h.shape[1]):
         b[unknowns[a, j]] += h[a, j, 0] * f0 + h[a, j, 1] * f1 + h[a, j, 2] * f2
-
-
-@njit(cache=True, nogil=True, fastmath={"contract"})
-def push_times(unknowns, h, status, K, u, factor, b):
-    """Add factor H K u to b (n + 1,) of u (nc, 3) or longer: contacts that are open have no part in it."""
-    for a in range(len(status)):
-        if status[a] != 0:
-            f0 = K[a, 0, 0] * u[a, 0] + K[a, 0, 1] * u[a, 1] + K[a, 0, 2] * u[a, 2]
-            f1 = K[a, 1, 0] * u[a, 0] + K[a, 1, 1] * u[a, 1] + K[a, 1, 2] * u[a, 2]
-            f2 = K[a, 2, 0] * u[a, 0] + K[a, 2, 1] * u[a, 1] + K[a, 2, 2] * u[a, 2]
-            push(unknowns, h, a, factor * f0, factor * f1, factor * f2, b)
 
 
 @njit(cache=True, nogil=True)
@@ -200,58 +198,98 @@ def change(C, least, unknowns, h, a, w, fronts, changes, count, e, b, room):
     return count, turned, smallest
 
 
-@njit(cache=True, nogil=True)
-def looked_at(unknowns, h, mass, K, w, rest, found, p0, V, status, fronts, changes, count, accuracy, e, b, u, room):
-    """Into e (n + 1,) the solution of J e = H K w + rest (H found - p0 - M V), of which at most accuracy is left."""
-    b[:] = 0.0
-    for i in range(len(e)):
+@njit(cache=True, nogil=True, fastmath={"contract"})
+def left_of(faces, unknowns, h, mass, K, w, rest, z, mu, p0, V, status, e, room, b):
+    """Into b (n + 1,) what J e = H K w + rest (H P(z) - p0 - M V) is left with, in one pass over the contacts; returns its square. room:
+    (n + 1,), (k,), (k,)."""
+    n, (total, own, pushed) = len(b) - 1, room
+    for i in range(n):
+        total[i] = e[i] + rest * V[i]
         b[i] = -rest * p0[i]
-    add_product(mass, V, -rest, b)
-    push_times(unknowns, h, status, K, w, 1.0, b)
-    for a in range(len(status)):
-        if status[a] != 0:
-            push(unknowns, h, a, rest * found[a, 0], rest * found[a, 1], rest * found[a, 2], b)
-    e[:] = 0.0
-    for _ in range(SOLVED_AGAIN + 1):
-        b[len(b) - 1] = 0.0
-        y = solved(fronts, changes, count, b, room)
+    add_product(mass, total, -1.0, b)
+    for g in range(len(faces) - 1):
+        for j in range(len(own)):
+            own[j], pushed[j] = e[unknowns[faces[g], j]], 0.0
+        for a in range(faces[g], faces[g + 1]):
+            if status[a] == 0:
+                continue
+            u0 = u1 = u2 = u3 = 0.0
+            for j in range(len(own)):
+                speed = own[j]
+                u0 += h[a, j, 0] * speed
+                u1 += h[a, j, 1] * speed
+                u2 += h[a, j, 2] * speed
+                u3 += h[a, j, 3] * speed
+            u0, u1, u2, share = w[a, 0] - u0, w[a, 1] - u1, w[a, 2] - u2, 1.0
+            if status[a] == 2:
+                size = np.sqrt(z[a, 1] * z[a, 1] + z[a, 2] * z[a, 2])
+                share = mu[a] * z[a, 0] / size if size > 0.0 else 0.0
+            f0 = K[a, 0, 0] * u0 + K[a, 0, 1] * u1 + K[a, 0, 2] * u2 + rest * z[a, 0]
+            f1 = K[a, 1, 0] * u0 + K[a, 1, 1] * u1 + K[a, 1, 2] * u2 + rest * share * z[a, 1]
+            f2 = K[a, 2, 0] * u0 + K[a, 2, 1] * u1 + K[a, 2, 2] * u2 + rest * share * z[a, 2]
+            for j in range(len(own)):
+                pushed[j] += h[a, j, 0] * f0 + h[a, j, 1] * f1 + h[a, j, 2] * f2
+        for j in range(len(own)):
+            b[unknowns[faces[g], j]] += pushed[j]
+    b[n] = 0.0
+    square = 0.0
+    for i in range(n):
+        square += b[i] * b[i]
+    return square
+
+
+@njit(cache=True, nogil=True)
+def looked_at(
+    faces, unknowns, h, mass, K, w, rest, z, mu, p0, V, status, fronts, changes, count, accuracy, solution, e, b, looking, room
+):  # fmt: skip
+    """Make e (n + 1,) the solution of J e = H K w + rest (H P(z) - p0 - M V), of which at most accuracy is left, by what is left of the e
+    given. solution: share that the last solution was seen to leave of what was there before, `TRUSTED` times which the next one is
+    trusted with; returns it, as seen anew where that was looked at."""
+    before = 1.0
+    for k in range(SOLVED_AGAIN + 1):
+        square = left_of(faces, unknowns, h, mass, K, w, rest, z, mu, p0, V, status, e, looking, b)
+        if k > 0:
+            solution = np.sqrt(square / before)
+        if square <= accuracy * accuracy:
+            break
+        if not square < np.inf:
+            e[:], before, solution = 0.0, 1.0, np.inf
+            continue
+        y, before = solved(fronts, changes, count, b, room), square
         for i in range(len(b) - 1):
             e[i] += y[i]
-        add_product(mass, y, -1.0, b)
-        speeds(unknowns, h, y, u)
-        push_times(unknowns, h, status, K, u, -1.0, b)
-        left = 0.0
-        for i in range(len(b) - 1):
-            left += b[i] * b[i]
-        if left <= accuracy * accuracy:
+        if TRUSTED * solution * np.sqrt(square) <= accuracy:
             break
+    return solution
 
 
 @njit(cache=True, nogil=True)
 def follow_in_velocities(
-    unknowns, h, normals, rows, places, masses, pattern, factor, borders, mass, z, status, w, mu, rho, d, least, most, turn, back,
+    faces, unknowns, h, normals, rows, places, masses, pattern, factor, borders, mass, z, status, w, mu, rho, d, least, most, turn, back,
     least_rest, room, accuracy, period,
 ):  # fmt: skip
     """`Regularised.along` from z, status on (nc, 3), (nc,) for w (nc, 3): (how it ended, pieces, z, H r (n,), status), all new; in 2D
     (d = 2) the last of three numbers are zeros. r and z are those of the path where it arrives alone.
 
-    unknowns (nc, k), h (nc, k, 4): as of `speeds`; normals (nc, k): of h; rows (nc, d, k), places (nc, k, k): h and places of `Bodies`;
-    masses: M in the pattern (indptr, indices, mirror) of the bodies' matrix, whose fronts are in `factor`, with their `transposed_borders`;
+    faces, unknowns (nc, k), h (nc, k, 4): as of `speeds`; normals (nc, k): of h; rows (nc, d, k), places (nc, k, k): h and places of
+    `Bodies`; masses: M in the pattern (indptr, indices, mirror) of the bodies' matrix, whose fronts are in `factor`, with their
+    `transposed_borders`;
     mass: M by rows (starts, columns, values); least, most: see `on_its_way`; room: changes before the matrix is factored anew; accuracy:
     what J e may be left with; period: pieces after which it is looked at.
     Long because it is one piece from its elimination to the next.
     """
     nc, n, k = len(status), len(mass[0]) - 1, h.shape[1]
     t, pieces, short, count, way, contact, since = 0.0, 0, 0, -1, 1, -1, 0
-    z, status, dz, u = z.copy(), status.copy(), np.empty((nc, 3)), np.empty((nc, 4))
+    z, status, dz, own, solution = z.copy(), status.copy(), np.empty((nc, 3)), np.empty(k), np.inf
     found, K = law(z, mu, rho, status)
     changes = np.empty((room, k), dtype=unknowns.dtype), np.empty((room, k)), np.empty((room, n)), np.empty(room)
     e, V, b, p0 = np.zeros(n + 1), np.zeros(n + 1), np.zeros(n + 1), np.zeros(n + 1)
     push_all(unknowns, h, found, p0)
-    buffers = np.empty(n), np.empty(n), np.zeros(n + 1)
+    buffers, looking = (np.empty(n), np.empty(n), np.zeros(n + 1)), (np.zeros(n + 1), own, np.empty(k))
     order, first, starts, below, _, width, border, offsets, values, pivots = factor
     fronts = order, first, starts, below, offsets, values, borders, pivots
-    while on_its_way(pieces, least, most, t, short):
+    reached = np.zeros(max(least, most) + 1)
+    while on_its_way(pieces, least, most, t, short, reached[pieces // 2]):
         pieces += 1
         look = since >= period
         if contact >= 0 and count >= 0:
@@ -261,7 +299,8 @@ def follow_in_velocities(
             C[d:], C[:, d:] = 0.0, 0.0
             count, turned, pivot = change(C, NOTHING * rho[contact], unknowns, h, contact, w, fronts, changes, count, e, b, buffers)
             way *= turned
-            look = look or pivot < SMALL_PIVOT
+            if pivot < SMALL_PIVOT:
+                look, solution = True, np.inf
         else:
             count = -1
         if count < 0:
@@ -272,12 +311,15 @@ def follow_in_velocities(
                 return SINGULAR, pieces, z, V, status
             transposed_borders(first, starts, offsets, values, borders)
             count, way, look = 0, sign(width, border, offsets, values, pivots, 1), True
+            solution = np.inf
         if look:
-            found, _ = law(z, mu, rho, status)
             rest, since = 1.0 / max(1.0 - t, least_rest), 0
-            looked_at(unknowns, h, mass, K, w, rest, found, p0, V, status, fronts, changes, count, accuracy, e, b, u, buffers)
+            solution = looked_at(
+                faces, unknowns, h, mass, K, w, rest, z, mu, p0, V, status, fronts, changes, count, accuracy, solution, e, b, looking,
+                buffers,
+            )  # fmt: skip
         since += 1
-        rates(unknowns, h, normals, e, w, rho, way, status, dz)
+        rates(faces, unknowns, h, normals, e, w, rho, way, status, own, dz)
         length, contact, to = end_of_piece(z, dz, mu, status, turn)
         if way > 0 and t + length >= 1:
             V += (1 - t) * e
@@ -288,6 +330,7 @@ def follow_in_velocities(
             add_product(mass, V, 1.0, p0)
             return ARRIVED, pieces, z, p0[:n], status
         t += way * length
+        reached[pieces] = t
         if not back < t < np.inf:
             break
         if length < SHORT:

@@ -82,10 +82,11 @@ class Regularised:
         if self.monitor.out_of_time():
             return None
         least, p = target * (self.monitor.scale or 1.0), self.pieces.impulses(r) if r.ndim > 1 else r
-        given = *self.pieces.arrays, *self.pieces.mass, in_space(z), p
-        ended, count, found = newton_on_pieces(*given, self.mu, self.rho, least, RUNAWAY, most)
+        order = self.pieces.order
+        given = *self.pieces.arrays, *self.pieces.mass, in_space(z)[order], p
+        ended, count, found = newton_on_pieces(*given, self.mu[order], self.rho[order], least, RUNAWAY, most)
         self.monitor.iterations += count
-        return found[:, : z.shape[1]] if ended == FOUND else None
+        return self.pieces.ordered(found)[:, : z.shape[1]] if ended == FOUND else None
 
     def newton_by_pieces(self, z: FloatArray, r: FloatArray, target: float, most: int) -> FloatArray | None:
         """`newton` by the pieces, whatever they are."""
@@ -136,11 +137,11 @@ class Regularised:
             return self.along(z, status, w, least, most)
         accuracy = ACCURACY * pieces.mean_mass * float(np.linalg.norm(w))
         limits = least, most, TURN, BACK, LEAST_REST, ROOM, accuracy, PERIOD
-        ended, count, end, p, status = follow_in_velocities(
-            *pieces.arrays, in_space(z), status, in_space(w), self.mu, self.rho, z.shape[1], *limits
-        )
+        order = pieces.order
+        given = in_space(z)[order], status[order], in_space(w)[order], self.mu[order], self.rho[order], z.shape[1]
+        ended, count, end, p, status = follow_in_velocities(*pieces.arrays, *given, *limits)
         self.monitor.iterations += count
-        return (end[:, : z.shape[1]], p, status) if ended == ARRIVED else None
+        return (pieces.ordered(end)[:, : z.shape[1]], p, pieces.ordered(status)) if ended == ARRIVED else None
 
     def along(
         self, z: FloatArray, status: IntArray, w: FloatArray, least: int, most: int
@@ -149,7 +150,8 @@ class Regularised:
         pieces, mu, rho, status, t = self.pieces, self.mu, self.rho, status.copy(), 0.0
         found, K = kernels.law(z, mu, rho, status)
         r, contact, count, short = found, -1, 0, 0
-        while kernels.on_its_way(count, least, most, t, short):
+        reached = [0.0]
+        while kernels.on_its_way(count, least, most, t, short, reached[count // 2]):
             try:
                 if contact < 0:
                     pieces.factor(K)
@@ -166,6 +168,7 @@ class Regularised:
             if way > 0 and t + length >= 1:
                 return z + (1 - t) * dz, r + (1 - t) * dr, status
             t += way * length
+            reached.append(t)
             short += length < SHORT
             if not BACK < t < np.inf or self.monitor.out_of_time():
                 return None

@@ -26,8 +26,10 @@ Fronts = tuple[IntArray, FloatArray, IntArray, FloatArray, tuple[IntArray, ...],
 
 
 class Arrays(NamedTuple):
-    """What `follow_in_velocities` and `newton_on_pieces` read of bodies and contacts, in their order, and where they put their factors."""
+    """What `follow_in_velocities` and `newton_on_pieces` read of bodies and contacts, in their order, and where they put their factors; the
+    contacts in `InVelocities.order`."""
 
+    faces: IntArray
     unknowns: NDArray[np.uint64]
     h: FloatArray
     normals: FloatArray
@@ -89,15 +91,30 @@ class InVelocities:
         self.mean_mass = float(self._mass.diagonal().mean())
 
     @cached_property
+    def order(self) -> IntArray:
+        """The contacts (nc,), those between the same bodies one after the other, so that what they have in common is read once."""
+        first, last = self._bodies.unknowns[:, 0], self._bodies.unknowns.max(axis=1)
+        return np.lexsort((last, first))
+
+    def ordered[T: np.generic](self, values: NDArray[T]) -> NDArray[T]:
+        """Values (nc, ...) of the contacts in `order`, in their own."""
+        found = np.empty_like(values)
+        found[self.order] = values
+        return found
+
+    @cached_property
     def arrays(self) -> Arrays:
         """What paths read that are followed in one compiled call, and where they put their factors: see `follow_in_velocities`."""
         mass = self._mass.indptr, self._mass.indices, self._mass.data
         unknowns, rows, places, masses, pattern, factor = cast(Fronts, self._bodies.fronts(self._mass))
+        unknowns, rows, places = unknowns[self.order], rows[self.order], places[self.order]
         touched = np.where(unknowns < 0, len(mass[0]) - 1, unknowns).astype(np.uint64)
+        another = np.any(unknowns[1:] != unknowns[:-1], axis=1)
+        faces = np.concatenate([[0], np.flatnonzero(another) + 1, [len(unknowns)]])
         h = np.zeros((len(rows), rows.shape[2], 4))
         h[:, :, : rows.shape[1]] = rows.transpose(0, 2, 1)
         borders = np.empty(int(np.diff(factor[1]) @ np.diff(factor[2])))
-        return Arrays(touched, h, h[:, :, 0].copy(), rows, places, masses, pattern, factor, borders, mass)
+        return Arrays(faces, touched, h, h[:, :, 0].copy(), rows, places, masses, pattern, factor, borders, mass)
 
     @cached_property
     def mass(self) -> tuple[tuple[FloatArray, IntArray], FloatArray]:
@@ -156,7 +173,8 @@ class InVelocities:
     def product(self, r: FloatArray) -> FloatArray:
         arrays = self.arrays
         d, (of_mass, borders) = self._shape[1], self.mass
-        return product(arrays.unknowns, arrays.h, arrays.factor, of_mass, borders, self.impulses(r))[:, :d]
+        found = product(arrays.faces, arrays.unknowns, arrays.h, arrays.factor, of_mass, borders, self.impulses(r))
+        return self.ordered(found)[:, :d]
 
 
 class InReactions:

@@ -17,6 +17,7 @@ from fcsim.problem.motion import Motion
 from fcsim.problem.reduction import reduce
 from fcsim.solvers import Status, solve
 from fcsim.solvers.base import Monitor
+from fcsim.solvers.newton.systems._velocity_kernels import add_shares_to_rows
 from fcsim.solvers.proximal import _path_kernels as kernels
 from fcsim.solvers.proximal import path as path_module
 from fcsim.solvers.proximal import path_steps
@@ -217,6 +218,29 @@ def test_compiled_newton_is_that_of_the_pieces(d: int) -> None:
     assert found_some >= 2 and not_found >= 1
 
 
+@pytest.mark.parametrize("d", [2, 3])
+def test_what_contacts_that_share_bodies_have_in_common_is_read_once(d: int) -> None:
+    """Faces of several contacts, those of a face apart from each other, some on one body alone: shares and product by NumPy."""
+    rng, n = np.random.default_rng(4), 12
+    pairs = [(0, 3), (3, 6), (0, 3), (9, None), (3, 6), (0, 9), (0, 3), (9, None), (3, 6)]
+    H = np.zeros((n, d * len(pairs)))
+    for a, pair in enumerate(pairs):
+        for first in pair:
+            if first is not None:
+                H[first : first + 3, d * a : d * (a + 1)] = rng.standard_normal((3, d))
+    W = H.T @ H
+    system = InVelocities(Delassus(W, d, None, Motion(sp.csr_array(H.T), sp.csr_array(np.eye(n)), W)))
+    assert len(system.arrays.faces) == 5
+    r, K = rng.standard_normal((len(pairs), d)), rng.standard_normal((len(pairs), d, d))
+    assert_allclose(system.product(r).ravel(), W @ r.ravel(), atol=1e-13)
+    K[2] = 0.0  # open
+    pattern, order = system.arrays.pattern, system.order
+    values = system.arrays.masses.copy()
+    add_shares_to_rows(values, system.arrays.places, system.arrays.rows, K[order])
+    found = sp.csr_array((values, pattern[1], pattern[0]), shape=(n, n)).toarray()
+    assert_allclose(found, np.eye(n) + H @ sla.block_diag(*K) @ H.T, atol=1e-13)
+
+
 def test_a_change_is_taken_apart_by_its_rank() -> None:
     rng = np.random.default_rng(2)
     for rank in range(4):
@@ -227,13 +251,17 @@ def test_a_change_is_taken_apart_by_its_rank() -> None:
 
 
 def test_which_paths_go_on() -> None:
-    """Each has its pieces; then those that do not chatter, and by their rate end soon."""
-    assert kernels.on_its_way(199, 200, 800, -0.3, 150)
-    assert kernels.on_its_way(200, 200, 800, 0.5, 10)
-    assert not kernels.on_its_way(200, 200, 800, 0.5, 100)
-    assert not kernels.on_its_way(200, 200, 800, 0.1, 0)
-    assert not kernels.on_its_way(200, 200, 800, -0.1, 0)
-    assert not kernels.on_its_way(800, 200, 800, 0.9, 0)
+    """Each has its pieces; then those that do not chatter, by their rate end soon, and, where they are long, still come on."""
+    assert kernels.on_its_way(199, 200, 800, -0.3, 150, 0.0)
+    assert kernels.on_its_way(200, 200, 800, 0.5, 10, 0.5)
+    assert not kernels.on_its_way(200, 200, 800, 0.5, 100, 0.5)
+    assert not kernels.on_its_way(200, 200, 800, 0.1, 0, 0.0)
+    assert not kernels.on_its_way(200, 200, 800, -0.1, 0, 0.0)
+    assert not kernels.on_its_way(800, 200, 800, 0.9, 0, 0.5)
+    assert kernels.on_its_way(499, 200, 800, 0.9, 0, 0.9)
+    assert kernels.on_its_way(500, 200, 800, 0.9, 0, 0.87)
+    assert not kernels.on_its_way(500, 200, 800, 0.9, 0, 0.89)
+    assert kernels.on_its_way(500, 600, 800, 0.9, 0, 0.9)
 
 
 def test_contacts_begin_apart_from_borders() -> None:

@@ -128,22 +128,51 @@ def places(indptr, indices, unknowns):
 
 
 @njit(cache=True)
+def _as_before(places, a):
+    """Whether contact a > 0 has the unknowns of contact a - 1, as the points of one face do: those of its first row say it."""
+    same = True
+    for j in range(places.shape[2]):
+        same = same and places[a, 0, j] == places[a - 1, 0, j]
+    return same
+
+
+@njit(cache=True, fastmath={"contract"})
+def _add_share(h, a, Kh, shares):
+    """Add h_a^T Kh to shares (k, k)."""
+    _, d, k = h.shape
+    if d == 3:
+        for i in range(k):
+            f0, f1, f2, out = h[a, 0, i], h[a, 1, i], h[a, 2, i], shares[i]
+            for j in range(k):
+                out[j] += f0 * Kh[0, j] + f1 * Kh[1, j] + f2 * Kh[2, j]
+        return
+    for i in range(k):
+        f0, f1, out = h[a, 0, i], h[a, 1, i], shares[i]
+        for j in range(k):
+            out[j] += f0 * Kh[0, j] + f1 * Kh[1, j]
+
+
+@njit(cache=True)
 def add_shares_to_rows(values, places, h, K):
-    """As `add_shares` to a sparse matrix whose `values` have these places (nc, k, k); contacts that are open (K = 0) are passed over."""
+    """As `add_shares` to a sparse matrix whose `values` have these places (nc, k, k); contacts that are open (K = 0) are passed over.
+    Contacts that follow one another and have the same unknowns are summed first."""
     nc, d, k = h.shape
-    Kh, share = np.empty((d, k)), np.empty(k)
-    for a in range(nc):
-        if not _closed(K, a):
-            continue
-        _times(K, h, a, Kh)
-        count = 0
-        while count < k and places[a, count, 0] >= 0:
-            count += 1
-        for i in range(count):
-            _row_of_share(h, a, i, Kh, share)
-            to = places[a, i]
-            for j in range(count):
-                values[np.uint64(to[j])] += share[j]
+    Kh, shares, waiting = np.empty((d, k)), np.zeros((k, k)), -1
+    for a in range(nc + 1):
+        if waiting >= 0 and (a == nc or not _as_before(places, a)):
+            count = 0
+            while count < k and places[waiting, count, 0] >= 0:
+                count += 1
+            for i in range(count):
+                own, to = shares[i], places[waiting, i]
+                for j in range(count):
+                    values[np.uint64(to[j])] += own[j]
+            shares[:] = 0.0
+            waiting = -1
+        if a < nc and _closed(K, a):
+            _times(K, h, a, Kh)
+            _add_share(h, a, Kh, shares)
+            waiting = a
 
 
 @njit(cache=True)

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
 from fcsim.problem import GlobalProblem
-from fcsim.solvers import solve
-from fcsim.solvers.automatic import stages
+from fcsim.solvers import Status, solve
+from fcsim.solvers.automatic import methods, stages
 from fcsim.solvers.automatic.race import Race
+from fcsim.solvers.base import Iterate
+from fcsim.solvers.turns import Turns, to_the_end
 
 
 def rods_in_points(seed: int, rods: int = 6, contacts: int = 12) -> GlobalProblem:
@@ -54,3 +58,26 @@ def test_rods_with_large_friction_are_solved_along_paths(monkeypatch: pytest.Mon
         assert np.abs(r[:, 0] * u[:, 0]).max() <= 1e-6 * impulse * size
         assert np.abs(r[:, 1] * u[:, 1] + p.mu * r[:, 0] * np.abs(u[:, 1])).max() <= 1e-5 * impulse * size
     assert sum(entered) >= 2
+
+
+@pytest.mark.parametrize(("warm", "ends", "order"), [(True, 9, "aabbaab"), (True, 3, "aabbabb"), (False, 9, "aaaaaaaaa")])
+def test_paths_from_a_warm_start_take_turns_with_those_from_zero(
+    warm: bool, ends: int, order: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """By two pieces each; where one stagnates the other goes on to its end."""
+    monitor, done = SimpleNamespace(iterations=0), []
+
+    def run(name: str, most: int, status: Status) -> Turns:
+        for _ in range(most):
+            monitor.iterations += 1
+            done.append(name)
+            yield
+        return Iterate(np.zeros(1), status)
+
+    monkeypatch.setattr(methods, "ANEW", 2)
+    monkeypatch.setattr(methods, "_anew_where_overtaken", lambda *_: run("a", ends, Status.STAGNATED))
+    monkeypatch.setattr(methods, "_paths_from_zero", lambda *_: run("b", 3 if ends > 3 else 4, Status.SOLVED))
+    race = SimpleNamespace(warm=warm, options=SimpleNamespace(max_iterations=100))
+    found = to_the_end(methods.paths(race, monitor))  # type: ignore[arg-type]
+    assert "".join(done) == order
+    assert found.status is (Status.SOLVED if warm else Status.STAGNATED)
