@@ -42,17 +42,6 @@ def test_a_block_that_turns_about_a_corner_of_its_like(dimension: int, aside: fl
     assert branch.held and branch.end == pytest.approx(R * np.sin(alpha), rel=2e-2)
 
 
-def test_steps_of_a_fifth_of_the_toes_arm_are_taken_by_few() -> None:
-    """A multiplier that falls by itself, by far more than 2 % a step, is neither looked at by ever shorter steps nor taken for a collapse:
-    alpha = arctan(1/3), R sin(alpha) = 0.2."""
-    pier, stone = block("pier", (0.0, -1.0), (0.4, 0.0), support=True), block("stone", (0.0, 0.0), (0.4, 1.2), density=2000.0)
-    problem = pushed(MasonryProblem("large steps", 2, (pier, stone), mu=2.0), (1.0, 0.0, 0.0))
-    branch = push_by_displacement(problem, step=0.04, to=0.4)
-    exact = np.tan(np.arcsin(np.clip((0.2 - branch.displacement) / np.hypot(0.2, 0.6), -1, 1)))
-    assert_allclose(branch.multiplier, exact, atol=5e-3 / 3)
-    assert branch.held and branch.end == pytest.approx(0.2, rel=1e-2) and len(branch.multiplier) < 15
-
-
 @pytest.mark.parametrize("gap", [0.1, pytest.param(1e-6, marks=pytest.mark.slow), pytest.param(0.0, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("dimension", [2, pytest.param(3, marks=pytest.mark.slow)])
 def test_corners_that_slide_over_corners_bear_their_friction(dimension: int, gap: float) -> None:

@@ -31,7 +31,6 @@ from fcsim.timestep.step import Step
 _SHARE = 1e-5  # of the weight: the regularising force of a block that moves with the load
 _NOTHING = 1e-4  # of the largest multiplier: what is less holds nothing
 _DROP, _SMALLEST = 0.02, 1e-3  # of it: what drops more in a step is looked at by shorter ones, down to a share of the step
-_SAME = 0.05  # of a drop: multipliers of a step and of one twice as long that differ by less are the same
 NAME = "push"
 
 
@@ -130,7 +129,7 @@ def branch_steps(
     linkage, detector = Linkage(model, [control]), Everything(model, problem.friction)
     tell("at rest: the multiplier that sets them in motion")
     along, largest, before = np.array(control.direction), 0.0, None
-    moment, longer, h, near = None, None, step, 1e-9 * step
+    moment, h, near = None, step, 1e-9 * step
     while moment is None or moment.state.t <= to + near:  # the step that begins at `to` has the forces of `to`
         left = to if moment is None else to - moment.state.t
         h = min(h, left) if left > near else h
@@ -147,17 +146,15 @@ def branch_steps(
             continue
         lost = _regularisation(taken) / h / load
         multiplier = float(taken.link_force(NAME) @ along) / load - lost
-        # what a step of twice the length has found, too, is of where it begins, and not of what happens within
-        found = longer is not None and abs(multiplier - longer) < _SAME * _DROP * largest and lost <= _DROP * largest
-        if before is not None and before - multiplier > _DROP * largest and h > _SMALLEST * step and not found:
-            h, longer = 0.5 * h, multiplier
+        if before is not None and before - multiplier > _DROP * largest and h > _SMALLEST * step:
+            h *= 0.5
             at = f"{1e3 * taken.previous.t:.6g} mm, multiplier {before:.4g}"
             tell(f"{at}: it drops to {multiplier:.4g} in {2e3 * h:.4g} mm: again in half of that, {len(taken.contacts)} contacts")
             continue
         if before is not None and lost > _DROP * largest:
             yield taken, taken.previous.t, -np.inf
             return
-        largest, before, longer = max(largest, multiplier), multiplier, None
+        largest, before = max(largest, multiplier), multiplier
         yield taken, taken.previous.t, multiplier  # the forces are those of where the step begins
         if multiplier < _NOTHING * largest:
             return
