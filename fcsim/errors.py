@@ -30,6 +30,17 @@ class Penetration(Unphysical):
     """The witness saw bodies overlap by more than it bears; the simulation stops there."""
 
 
+MODEL = "what build_model(...) returns"
+"""What is expected of a model, see `expect`."""
+
+
+def expect(value: object, kind: type | tuple[type, ...], what: str, expected: str) -> None:
+    """InputError where an argument is of none of these kinds: `what` is expected to be `expected`."""
+    if not isinstance(value, kind):
+        got = repr(value)[:60] if value is None or isinstance(value, str | int | float) else type(value).__name__
+        raise InputError(f"{what}: expected {expected}, got {got}")
+
+
 EXIT_OK, EXIT_NOT_CONVERGED, EXIT_BAD_INPUT, EXIT_INTERRUPTED = 0, 1, 2, 130
 """What the command line returns: all converged or verified, something did not, bad input, interrupted."""
 

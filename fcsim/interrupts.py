@@ -8,11 +8,16 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
-from typing import NoReturn
 
 from fcsim.errors import EXIT_BAD_INPUT
 
 ENDING = {signal.SIGINT: "the keyboard", signal.SIGTERM: "SIGTERM", signal.SIGHUP: "SIGHUP (the terminal was closed)"}
+
+
+_WEAK = ("weakref.py", "_weakrefset.py")
+"""Where Python's dictionaries and sets of weak references are."""
+_LATER = 0.01
+"""[s] After which a signal that came where an exception is forgotten is heard again."""
 
 
 class Ended(KeyboardInterrupt):
@@ -23,8 +28,24 @@ class Ended(KeyboardInterrupt):
         self.by = by
 
 
-def _end(number: int, frame: FrameType | None) -> NoReturn:
-    raise Ended(ENDING[signal.Signals(number)])
+def _end(number: int, frame: FrameType | None) -> None:
+    if not _forgets(frame):
+        raise Ended(ENDING[signal.Signals(number)])
+    main = threading.main_thread().ident
+    assert main is not None
+    again = threading.Timer(_LATER, signal.pthread_kill, (main, number))
+    again.daemon = True
+    again.start()
+
+
+def _forgets(frame: FrameType | None) -> bool:
+    """Whether what is raised here is forgotten: Python prints and drops what `__del__` and the callbacks of weak references raise."""
+    while frame is not None:
+        code = frame.f_code
+        if code.co_name == "__del__" or (code.co_name in ("remove", "_remove") and code.co_filename.endswith(_WEAK)):
+            return True
+        frame = frame.f_back
+    return False
 
 
 @contextmanager

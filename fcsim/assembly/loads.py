@@ -20,7 +20,7 @@ from fcsim.assembly.layout import DIRECTIONS, BodyLayout
 from fcsim.assembly.supports import TimeFunction
 from fcsim.assembly.supports.selection import NodesNamed, Selection, SurfaceNames, shares
 from fcsim.brief import brief, shown
-from fcsim.errors import InputError, asked
+from fcsim.errors import MODEL, InputError, asked, expect
 from fcsim.mesh.named.places import Where
 from fcsim.mesh.part import Body, RigidBody
 
@@ -284,6 +284,7 @@ def nodal_area(layout: BodyLayout, body: str, surface: str) -> FloatArray:
     N_a is the shape function of node a on the reference configuration (in 2D times the thickness). A contact force divided by it is
     the nodal pressure, or traction, on that surface.
     """
+    expect(layout, BodyLayout, "nodal_area, layout", MODEL)
     owner = layout.bodies[layout.body_number(body)]
     if not isinstance(owner, Body):
         raise InputError(f"nodal_area: expected a deformable body, got the rigid body {body!r}")

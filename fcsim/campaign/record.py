@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+from fcsim.campaign.plan import FILE as SWEEP_FILE
 from fcsim.errors import InputError
 from fcsim.records import read_record, write_record
 from fcsim.running.description import FILE, read_description
@@ -98,3 +99,12 @@ def stands(record: Record, limits: Limits, retry: bool = False) -> bool:
 
 def _looser(now: float | None, before: float | None) -> bool:
     return before is not None and (now is None or now > before)
+
+
+def runs_in(folder: Path) -> list[Path]:
+    """The runs that a folder stands for: a sweep's those that have begun, each by the order of its name; so does its folder `runs`, while
+    `records` and `logs` hold none, so that SWEEP/*/ names each run once. Any other folder is itself one."""
+    sweep = folder if (folder / SWEEP_FILE).is_file() else folder.parent
+    if folder is not sweep and (folder.name not in ("runs", "records", "logs") or not (sweep / SWEEP_FILE).is_file()):
+        return [folder]
+    return sorted(path.parent for path in (sweep / "runs").glob(f"*/{FILE}")) if folder.name not in ("records", "logs") else []

@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
+from fcsim.brief import shown
 from fcsim.command_line.terminal import Bar
+from fcsim.errors import InputError
 
 if TYPE_CHECKING:
     from fcsim.timestep.simulation import Simulation
@@ -18,6 +20,8 @@ def progress(simulation: Simulation) -> Iterator[Step]:
 
         for step in progress(simulation): ...
     """
+    if not hasattr(simulation, "steps"):
+        raise InputError(f"progress: expected Simulation(...) itself, whose steps are made as they are asked for, got {shown(simulation)}")
     with Bar("step") as bar:
         for step in simulation:
             show_step(bar, simulation.steps, step)

@@ -20,7 +20,9 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
 
     about = "Key numbers of runs beside each other, the parameters in which they differ, and their curves over each other as a page."
     compare = commands.add_parser("compare", help="runs side by side", description=about)
-    compare.add_argument("directories", type=Path, nargs="+", metavar="DIR", help="folders of two runs or more")
+    compare.add_argument(
+        "directories", type=Path, nargs="+", metavar="DIR", help="folders of two runs or more; that of a sweep stands for its runs"
+    )
     compare.add_argument("--page", type=Path, metavar="FILE.html", help="also the curves over each other, as one HTML file")
     compare.set_defaults(act=_compare)
 
@@ -47,10 +49,11 @@ def _render(options: argparse.Namespace) -> int:
 
 
 def _compare(options: argparse.Namespace) -> int:
+    from fcsim.campaign.record import runs_in
     from fcsim.running.folder import open_run
     from fcsim.view.page.comparison import compare, write_comparison
 
-    compared = compare([open_run(directory) for directory in options.directories])
+    compared = compare([open_run(run) for directory in options.directories for run in runs_in(directory)])
     header = ["", *compared.names]
     print_table(header, [[what, *values] for what, values in compared.numbers])
     if compared.differences:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -20,7 +20,7 @@ from fcsim.contact_detection.smoothed_normals import SmoothedNodeToSegment
 from fcsim.contact_detection.surfaces import facets as contact_facets
 from fcsim.contact_detection.surfaces.surface import SurfacePair
 from fcsim.contact_detection.sweep import samples, with_swept
-from fcsim.errors import InputError
+from fcsim.errors import InputError, expect
 
 Method = NodeToSegment | Mortar | SegmentPoints
 
@@ -70,7 +70,10 @@ class Detector:
     __repr__ = brief
 
     def __post_init__(self) -> None:
+        expect(self.pairs, Iterable, "Detector, pairs", "surface pairs in a list, [SurfacePair(...), ...]")
         pairs = tuple(self.pairs)
+        for pair in pairs:
+            expect(pair, SurfacePair, "Detector, pairs", "SurfacePair(...) and nothing else")
         if not pairs or len({pair.slave.dimension for pair in pairs}) > 1:
             raise InputError(f"Detector: expected one or more surface pairs, all 2D or all 3D, got {len(pairs)} pairs")
         if not is_number(self.n_nodes):

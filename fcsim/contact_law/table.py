@@ -13,7 +13,7 @@ from fcsim.contact_detection import Detector
 from fcsim.contact_detection.contacts import Contacts
 from fcsim.contact_law.law import Breaking, Demand, Implicit, Law, Meeting, Outcome, Remembered, Terms, Variables
 from fcsim.contact_law.proportions import Proportions
-from fcsim.errors import InputError
+from fcsim.errors import MODEL, InputError, expect
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,6 +86,8 @@ def laws_of_bodies(model: Model, laws: Mapping[str | tuple[str, str], Law], defa
 
     A pair of names goes before a single one, of two single ones the first given; `default` holds elsewhere.
     """
+    expect(model, Model, "laws_of_bodies, model", MODEL)
+    expect(laws, Mapping, "laws_of_bodies, laws", "a table, as {'floor': Gap()}")
     order = list(laws)
     count = len(model.bodies)
     single = np.full(count, len(order) + 1)
@@ -120,6 +122,7 @@ def laws_of_bodies(model: Model, laws: Mapping[str | tuple[str, str], Law], defa
 
 def laws_of_pairs(detector: Detector, laws: Mapping[str, Law], default: Law) -> LawTable:
     """Return the table of laws for the named surface pairs of a detector; `default` holds for the others."""
+    expect(detector, Detector, "laws_of_pairs, detector", "Detector([SurfacePair(...)], model.n_nodes)")
     named: Sequence[str] = [pair.name for pair in detector.pairs]
     for name in laws:
         if name not in named or not name:

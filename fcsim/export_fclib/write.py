@@ -48,6 +48,8 @@ def write_fclib(
         raise InputError(f"storage: expected 'csc', 'csr' or 'triplet', got {storage!r}")
     if not path.parent.is_dir():
         raise InputError(f"{path}: expected an existing folder, {path.parent} is none")
+    if path.is_dir():
+        raise InputError(f"{path}: expected the name of a file to write, this is a folder")
     name = next((name for name, form in FORMS.items() if isinstance(problem, form.problem)), None)
     if name is None:
         raise InputError(f"problem: expected a GlobalProblem, LocalProblem or GlobalRollingProblem, got {type(problem).__name__}")

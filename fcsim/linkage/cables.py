@@ -12,7 +12,7 @@ from fcsim.assembly.model import Model
 from fcsim.contact_detection.contacts import CABLES, Contacts, join
 from fcsim.contact_detection.detection import Detection
 from fcsim.contact_detection.frames import frames
-from fcsim.errors import InputError
+from fcsim.errors import MODEL, InputError, expect
 from fcsim.linkage.linkage import Linkage
 from fcsim.linkage.links import Cable
 
@@ -88,6 +88,7 @@ class _Without:
 
 def without_contact_of(detection: Detection, model: Model, pairs: Iterable[tuple[str, str]]) -> Detection:
     """The detection without contacts between these pairs of bodies (names): links that hold them stand for what happens there."""
+    expect(model, Model, "without_contact_of, model", MODEL)
     numbers = set()
     for one, other in pairs:
         a, b = model.body_number(one), model.body_number(other)

@@ -6,9 +6,9 @@ forces dir W l on the bodies have no resultant; G = B^T (W x dir), B v the nodes
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from functools import cached_property
-from typing import NamedTuple
+from typing import NamedTuple, get_args
 
 import numpy as np
 from scipy.sparse import csr_array, vstack
@@ -18,7 +18,7 @@ from fcsim.assembly.kinematics.frames import FloatingGroup
 from fcsim.assembly.model import Model
 from fcsim.brief import shown
 from fcsim.contact_detection.contacts import CABLES
-from fcsim.errors import InputError
+from fcsim.errors import MODEL, InputError, expect
 from fcsim.linkage.links import Ball, Bonded, Cable, Control, Hinge, Link, Rod, Slider, SpringDamper, Tied
 from fcsim.linkage.moments import Couple, Couples, gathered, without_moments
 from fcsim.linkage.points import nodes_around, weights_at
@@ -61,7 +61,11 @@ class Linkage:
     """
 
     def __init__(self, model: Model, links: Sequence[Link]) -> None:
+        expect(model, Model, "Linkage, model", MODEL)
+        expect(links, Iterable, "Linkage, links", "several, in a list, as [Hinge(...), Rod(...)]")
         self.model, self.links = model, tuple(links)
+        for link in self.links:
+            expect(link, get_args(Link), "Linkage, links", ", ".join(kind.__name__ for kind in get_args(Link)))
         self.names = tuple(link.name for link in self.links)
         if any(not isinstance(name, str) or not name for name in self.names) or len(set(self.names)) < len(self.names):
             raise InputError(f"linkage: expected different names of links, none empty, got {', '.join(map(shown, self.names))}")

@@ -21,7 +21,7 @@ from fcsim.contact_detection import Everything
 from fcsim.errors import InputError, NotConverged
 from fcsim.masonry.limit_analysis.limit import associative_limit
 from fcsim.masonry.limit_analysis.limit_problem import LimitProblem, limit_problem
-from fcsim.masonry.problem import GRAVITY, MasonryProblem, PointForce
+from fcsim.masonry.problem import GRAVITY, MasonryProblem, PointForce, expect_problem
 from fcsim.masonry.structure import BlocksAre, Stone, free_nodes, structure
 from fcsim.timestep.chain import SolverSettings
 from fcsim.timestep.simulation import Simulation
@@ -229,6 +229,7 @@ def bracket(
     low, high: where to begin, as limit analysis says; widened as long as low moves or high does not fall; blocks, stone: see `structure`.
     InputError where the problem has no load that grows; NotConverged where nothing makes it fall.
     """
+    expect_problem(problem, "bracket")
     if not problem.scaled:
         raise InputError(f"{problem.name!r}: expected a load that the multiplier scales, got none")
     if not (is_number(resolution) and 0 < resolution < 1):

@@ -26,7 +26,7 @@ from fcsim.arrays import Json
 from fcsim.assembly.time_functions import AccelerationRecord
 from fcsim.errors import InputError
 from fcsim.files import note_read
-from fcsim.masonry.problem import Acceleration, BaseAcceleration, Block, Expected, MasonryProblem, PointForce
+from fcsim.masonry.problem import Acceleration, BaseAcceleration, Block, Expected, MasonryProblem, PointForce, expect_problem
 from fcsim.mesh.solids.closed_surface import closed_surface
 from fcsim.records import from_json, read_json, write_record
 
@@ -93,6 +93,7 @@ def masonry_of_json(data: Json, path: Path) -> MasonryProblem:
 
 def write_masonry(path: str | Path, problem: MasonryProblem) -> None:
     """Write a masonry problem; `read_masonry` reads it again."""
+    expect_problem(problem, "write_masonry")
     contact: dict[str, object] = {"mu": problem.mu}
     if problem.between:
         contact["mu_between"] = [{"between": pair, "mu": mu} for pair, mu in problem.between.items()]

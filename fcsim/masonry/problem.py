@@ -12,7 +12,7 @@ import numpy as np
 from fcsim.arrays import FloatArray, is_number, is_vector
 from fcsim.assembly.time_functions import AccelerationRecord
 from fcsim.brief import shown
-from fcsim.errors import InputError
+from fcsim.errors import InputError, expect
 from fcsim.mesh.solids.closed_surface import ClosedSurface
 from fcsim.mesh.solids.mesh_skin import Cells
 
@@ -194,3 +194,8 @@ class MasonryProblem:
         """Sum (3,) [m/s^2] of the body forces that the multiplier scales, or of the others."""
         chosen = [load.value for load in self.loads if isinstance(load, Acceleration) and load.scaled == scaled]
         return np.sum(chosen, axis=0) if chosen else np.zeros(3)
+
+
+def expect_problem(problem: object, what: str) -> None:
+    """InputError where a function of masonry is given something else, the path of a file above all."""
+    expect(problem, MasonryProblem, f"{what}, problem", "a MasonryProblem, as read_masonry(path) gives")

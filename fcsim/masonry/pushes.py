@@ -9,7 +9,7 @@ import numpy as np
 from fcsim.arrays import FloatArray, is_vector
 from fcsim.brief import shown
 from fcsim.errors import InputError
-from fcsim.masonry.problem import GRAVITY, Acceleration, MasonryProblem
+from fcsim.masonry.problem import GRAVITY, Acceleration, MasonryProblem, expect_problem
 
 
 def pushed(problem: MasonryProblem, direction: tuple[float, float, float]) -> MasonryProblem:
@@ -40,6 +40,7 @@ def tilted(problem: MasonryProblem, direction: tuple[float, float, float]) -> Ma
 
 def unit(problem: MasonryProblem, direction: tuple[float, float, float]) -> FloatArray:
     """The direction (3,) at the length 1; InputError where it has none, or leaves the plane of a plane problem."""
+    expect_problem(problem, "direction")
     length = float(np.linalg.norm(direction)) if is_vector(direction, 3) else 0.0
     if not 0 < length < np.inf:
         raise InputError(f"direction: expected three finite numbers, not all 0, got {shown(direction)}")

@@ -17,7 +17,7 @@ from fcsim.contact_detection import Contacts, Everything
 from fcsim.contact_law.as_built import AsBuilt
 from fcsim.errors import InputError
 from fcsim.masonry.bodies import force_and_moment, outline, rigid_blocks, supports, vector_of
-from fcsim.masonry.problem import Block, MasonryProblem, PointForce
+from fcsim.masonry.problem import Block, MasonryProblem, PointForce, expect_problem
 from fcsim.mesh.material import Material
 from fcsim.mesh.part import Body, Part, RigidBody
 from fcsim.mesh.solids.closed_surface import ClosedSurface
@@ -63,6 +63,7 @@ def structure(
     they happen to lie. "mixed": every second block is deformable. Supports, blocks of a given mass and blocks
     with a force or a support upon them are rigid always. Blocks that are equal but for their place are one part, meshed once.
     """
+    expect_problem(problem, "structure")
     if blocks_are not in ("rigid", "deformable", "mixed"):
         raise InputError(f"blocks_are: expected 'rigid', 'deformable' or 'mixed', got {blocks_are!r}")
     stone = stone or Stone()

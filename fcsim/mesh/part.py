@@ -327,7 +327,7 @@ class RigidBody(Placed):
 
     def __post_init__(self) -> None:
         what = f"RigidBody {self.name!r}"
-        d = np.asarray(self.points).shape[-1]
+        d = (0, *np.shape(self.points))[-1]
         if d not in (2, 3):
             raise InputError(f"{what}: expected points of shape (any, 2) or (any, 3), got {np.shape(self.points)}")
         refuse_mass(self.name, self.mass)

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from itertools import product
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
 from fcsim.arrays import FloatArray, IntArray
-from fcsim.errors import InputError
+from fcsim.errors import InputError, expect
 from fcsim.mesh.cell_type import CELL_TYPES
 from fcsim.mesh.facets import refuse_repeated
 from fcsim.mesh.order.quadrature import quadrature
@@ -19,6 +19,7 @@ ROUND_OFF = 1e-9
 """A cell with a smaller scaled Jacobian has none that can be told from zero; longer ones than wide by 10^4 are still computed with."""
 
 
+@runtime_checkable
 class Meshed(Protocol):
     """What has a mesh: a `Part`."""
 
@@ -117,6 +118,7 @@ def check_quality(part: Meshed, smallest: float = SMALLEST_SCALED_JACOBIAN) -> F
     Refused: cells with a scaled Jacobian below `smallest` (inverted, bow ties, collapsed or nearly so), cells that are given twice, and
     nodes that no cell uses, which would make the stiffness and mass singular.
     """
+    expect(part, Meshed, "check_quality, part", "a Part, as brick(...) gives")
     with np.errstate(over="ignore", invalid="ignore"):
         quality = scaled_jacobian(part.points, part.cells, part.cell_type)
     bad = np.flatnonzero(~(quality >= smallest))  # NaN, of coordinates whose products overflow, is bad too

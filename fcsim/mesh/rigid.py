@@ -10,7 +10,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from fcsim.arrays import FloatArray
-from fcsim.errors import InputError
+from fcsim.errors import InputError, expect
 from fcsim.mesh.cell_type import CELL_TYPES
 from fcsim.mesh.material.by_region import ByRegion
 from fcsim.mesh.order.linear_facets import linear_facets
@@ -37,6 +37,7 @@ def mass_properties(part: Part) -> MassProperties:
     m = int rho, c = int rho x / m, S = int rho (x - c)(x - c)^T, inertia tr(S) I - S, in 2D tr(S); 2D integrals times the thickness.
     Computed once for each part. InputError for a part without density.
     """
+    expect(part, Part, "mass_properties, part", "a Part, as brick(...) gives")
     if part not in _KNOWN:
         _KNOWN[part] = _integrated(part)
     return _KNOWN[part]

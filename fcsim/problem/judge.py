@@ -15,6 +15,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from fcsim.arrays import FloatArray
+from fcsim.errors import InputError
 from fcsim.linear.factors import SuperLU
 from fcsim.problem._judge_kernels import squared_natural_residual, violations
 from fcsim.problem.cone import LEAST_SIZE, enlargement, tangential_norm
@@ -126,6 +127,7 @@ def error(problem: LocalProblem, r: FloatArray, u: FloatArray | None = None, flo
     computed. `floor`, in the unit of q, keeps the error meaningful where q is nothing but the round-off of a state at rest, as in a
     simulation's first step: r = 0 is then the answer.
     """
+    _refuse_global(problem)
     if u is None:
         u = problem.W @ r + problem.q
     residual = natural_map_residual(r, u, problem.mu, problem.dimension)
@@ -138,10 +140,17 @@ def scaled_error(problem: LocalProblem, r: FloatArray, u: FloatArray | None = No
     s_a = tr(W_aa) / d is the contact's own compliance, the mean of the others where it has none. Every term is a velocity (quasi-statics:
     a length), so that the error does not depend on the units of mass, length and time. Arguments as in `error`.
     """
+    _refuse_global(problem)
     if u is None:
         u = problem.W @ r + problem.q
     residual = natural_map_residual(r, u, problem.mu, problem.dimension, problem.compliance)
     return relative(residual, size_of(problem.q, floor))
+
+
+def _refuse_global(problem: object) -> None:
+    if isinstance(problem, GlobalProblem):
+        local = "whose local form is fcsim.problem.reduction.reduced(problem).local"
+        raise InputError(f"problem: expected a LocalProblem, got a GlobalProblem, {local}")
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from fcsim.assembly.stress import COMPONENTS, von_mises
 from fcsim.assembly.supports import Support
 from fcsim.assembly.supports.selection import NodesNamed, Selection, SurfaceNames
 from fcsim.brief import shown
-from fcsim.errors import InputError
+from fcsim.errors import MODEL, InputError, expect
 from fcsim.mesh.named.places import Where
 from fcsim.mesh.part import RigidBody
 from fcsim.running.case import Sensor
@@ -28,6 +28,7 @@ def contact_force(column: str, model: Model, body: str, direction: str, surface:
 
     On a surface are the contacts all of whose nodes of the body are nodes of it; one at an edge is on both surfaces that share it.
     """
+    expect(model, Model, "contact_force, model", MODEL)
     number, axis = model.body_number(body), _axis(model, direction)
     nodes = np.zeros(model.n_nodes, dtype=bool)
     if surface is None:
@@ -63,6 +64,7 @@ def support_force(
 
     Of a rigid body also the moment [N m] about its centre, directions rx, ry, rz.
     """
+    expect(model, Model, "support_force, model", MODEL)
     number, d = model.body_number(body), model.dimension
     first, chosen = model.dof_offset[number], Selection(surface, at, nodes)
     R = np.eye(d) if axes is None else np.array(Support(body, (direction,), axes=axes).axes)
@@ -98,6 +100,7 @@ def support_moment(
     """Moment [N m] about an axis (rx, ry or rz; 2D: rz) through a point (d,) [m] that stays where it is, of the supports' forces on a body,
     or on those of its nodes that surface, at and nodes name, as those of `Support` do: what drives a shaft or a drum. Forces act where the
     body stands in the middle of the step, in statics at its end."""
+    expect(model, Model, "support_moment, model", MODEL)
     number, d = model.body_number(body), model.dimension
     names = DIRECTIONS[d][d:]
     if direction not in names:
@@ -142,6 +145,7 @@ def _where(step: Step, dofs: IntArray | slice) -> FloatArray:
 
 def displacement(column: str, model: Model, body: str, direction: str, point: Sequence[float], label: str = "") -> Sensor:
     """Displacement [m] of a body's node at a point (d,) [m] of the reference configuration, or of the material point of a rigid body."""
+    expect(model, Model, "displacement, model", MODEL)
     number, axis = model.body_number(body), _axis(model, direction)
     place = _point(model, point, f"displacement of body {body!r}")
     given = model.bodies[number]
@@ -170,6 +174,7 @@ def displacement(column: str, model: Model, body: str, direction: str, point: Se
 def stress(column: str, model: Model, body: str, component: str, point: Sequence[float], label: str = "") -> Sensor:
     """Stress [Pa] of a deformable body at its node at a point (d,) [m] of the reference: a component xx, yy, zz, xy, yz, zx along the
     world's axes, or "von_mises", recovered from the cells around the node (`nodal_stress`)."""
+    expect(model, Model, "stress, model", MODEL)
     what = f"stress of body {body!r}"
     number = model.body_number(body)
     if component not in (*COMPONENTS, "von_mises"):

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
+from typing import Self
 
 import numpy as np
 
@@ -109,6 +110,13 @@ class SolverSettings:
     options: Mapping[str, object] = field(default_factory=dict)
     fallback: tuple[str, ...] = ("NSN-AC", "NSN-NM", "NSN-AC-HYBRID", "auto")
     loop: str = "auto"
+
+    def __new__(cls, *values: object, **_: object) -> Self:
+        """InputError for values without their names, which would be a matter of the fields' order."""
+        if values:
+            named = ", ".join(f"{each.name}={shown(value)}" for each, value in zip(fields(cls), values, strict=False))
+            raise InputError(f"SolverSettings: expected every value by its name, as SolverSettings({named}), got {len(values)} without")
+        return super().__new__(cls)
 
     def __post_init__(self) -> None:
         if not isinstance(self.options, Mapping) or isinstance(self.fallback, str) or not isinstance(self.fallback, Sequence):

@@ -189,7 +189,7 @@ class Simulation:
             new = remarks(step, deformation := self._measure(step.state.x), when, said)
             if step.number > after.number:
                 opening = (*opening, *remark(step.struck)) if step.number == 1 else opening
-                yield replace(step, remarks=(*opening, *new.values())) if new or opening else step
+                yield step.handed_out((*opening, *new.values()))
                 opening = ()
             said |= new.keys()
             refuse_beyond(self.limits, self.model, deformation, when)

@@ -12,7 +12,7 @@ from fcsim.arrays import FloatArray
 from fcsim.assembly.model import Model
 from fcsim.assembly.supports import Support
 from fcsim.brief import brief, by_fields
-from fcsim.errors import InputError
+from fcsim.errors import MODEL, InputError, expect
 
 START = 1e-6
 """[rad] Of an angle, and of the model's size: what a start may differ from that of driven rotations."""
@@ -53,6 +53,11 @@ class State:
         """The state at the time t [s], itself where it is that: h/2 + h/2 may not be h to the last bit."""
         return self if self.t == t else replace(self, t=t)
 
+    def copied(self) -> State:
+        """The same state in arrays of its own."""
+        rest = (None if values is None else values.copy() for values in (self.rate, self.inertia, self.internal))
+        return State(self.t, self.x.copy(), self.v.copy(), *rest)
+
     def forget(self) -> None:
         """Let go of what is kept: a step that begins here has ended."""
         self._kept.clear()
@@ -71,6 +76,7 @@ def at_rest(model: Model, t: float = 0.0, h: float | None = None) -> State:
     InputError where a driven rotation has another angle at t than that of the reference configuration, 0, or a support another
     displacement.
     """
+    expect(model, Model, "at_rest, model", MODEL)
     for support in model.supports:
         if isinstance(support, Support) and support.displacement is not None and abs(support.way(t)) > START * _size(model):
             raise InputError(

@@ -147,6 +147,11 @@ class Step:
 
     __repr__, __reduce__ = brief, refused("state", "contacts", "result")
 
+    def handed_out(self, remarks: tuple[str, ...]) -> Step:
+        """The step with what there is to remark, and a state of its own: a script that writes into it (`x *= 1e3`, for millimetres) does
+        not change the steps to come."""
+        return replace(self, state=self.state.copied(), remarks=remarks)
+
     @property
     def memory(self) -> tuple[Reactions, ...]:
         """The last reactions, newest first."""

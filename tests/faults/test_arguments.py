@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import pickle
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -14,7 +16,9 @@ from fcsim import Body, Detector, Everything, Gap, Linkage, Simulation, Support,
 from fcsim.arrays import is_number, numbers_of
 from fcsim.assembly.time_functions import GravityRamp, Ramp
 from fcsim.contact_law import Sliding, Springs
-from fcsim.mesh import brick, rigid_box, rigid_sphere
+from fcsim.mesh import brick, check_quality, mass_properties, rigid_box, rigid_sphere, with_surface
+from fcsim.problem import error, scaled_error
+from fcsim.problem.reduction import reduced
 
 STONE = fcsim.Material(E=1e7, nu=0.2, density=1000.0)
 HELD = Support("floor", ("x", "y", "z", "rx", "ry", "rz"))
@@ -136,6 +140,26 @@ OTHERS: dict[str, Callable[[Any], object]] = {
     "SolverSettings.name": lambda x: fcsim.SolverSettings(name=x),
     "gravity": lambda x: _model(gravity=x),
     "gravity(t)": lambda x: _model(gravity=lambda t: x),
+    "Everything.model": lambda x: Everything(x, mu=0.3),
+    "ExactContacts.model": lambda x: fcsim.ExactContacts(x, mu=0.3),
+    "Linkage.model": lambda x: Linkage(x, []),
+    "Linkage.links": lambda x: Linkage(_model(), [x]),
+    "Detector.pairs": lambda x: Detector(x, 8),
+    "Detector.pairs[]": lambda x: Detector([x], 8),
+    "RigidBody.points": lambda x: fcsim.RigidBody("a", 1.0, np.eye(3), (0.0, 0.0, 0.0), x),
+    "at_rest": fcsim.at_rest,
+    "laws_of_bodies.model": lambda x: fcsim.laws_of_bodies(x, {}, Gap()),
+    "laws_of_pairs.detector": lambda x: fcsim.laws_of_pairs(x, {}, Gap()),
+    "nodal_area": lambda x: fcsim.nodal_area(x, "block", "z+"),
+    "without_contact_of": lambda x: fcsim.without_contact_of(Everything(_model(), 0.3), x, []),
+    "contact_force": lambda x: fcsim.contact_force("c", x, "block", "z"),
+    "displacement": lambda x: fcsim.displacement("c", x, "block", "z", (0.0, 0.0, 0.0)),
+    "stress": lambda x: fcsim.stress("c", x, "block", "zz", (0.0, 0.0, 0.0)),
+    "support_force": lambda x: fcsim.support_force("c", x, "floor", "z"),
+    "support_moment": lambda x: fcsim.support_moment("c", x, "floor", "rz", (0.0, 0.0, 0.0)),
+    "check_quality": check_quality,
+    "mass_properties": mass_properties,
+    "with_surface": lambda x: with_surface(x, "top", lambda p: p[2] > 0),
 }
 
 
@@ -184,6 +208,17 @@ def test_what_a_function_raises_later_in_the_run_is_one_line_too(more: dict[str,
 def test_surfaces_of_another_form_are_refused_in_one_line(members: Any) -> None:
     with pytest.raises(fcsim.InputError, match=r"contact_surface: expected a list of \(body, surface\), as .*, got "):
         contact_surface(_model(), members)
+
+
+def test_values_without_their_names_and_a_problem_of_the_other_form_are_refused_with_the_mend() -> None:
+    with pytest.raises(fcsim.InputError, match=r"as SolverSettings\(name='NSN-AC', tol=1e-06\), got 2 without"):
+        fcsim.SolverSettings("NSN-AC", 1e-6)  # type: ignore[call-arg]
+    assert replace(pickle.loads(pickle.dumps(fcsim.SolverSettings(tol=1e-6))), name="NSN-AC").tol == 1e-6
+    problem = fcsim.GlobalProblem(M=np.eye(3), H=np.eye(3), f=np.zeros(3), w=np.array([-1.0, 0.0, 0.0]), mu=np.array([0.5]))
+    for judged in (error, scaled_error):
+        with pytest.raises(fcsim.InputError, match=r"got a GlobalProblem, .*reduced\(problem\)\.local"):
+            judged(problem, np.zeros(3))  # type: ignore[arg-type]
+        assert judged(reduced(problem).local, np.zeros(3)) == pytest.approx(1.0)  # r = 0: |q| / |q|
 
 
 def test_numbers_of_every_kind_that_is_one_are_taken() -> None:

@@ -22,6 +22,7 @@ NAN, HUGE = float("nan"), 10**400
 NO_NUMBER: tuple[object, ...] = ("0.3", True, NAN, [], np.array([1.0, 2.0]), 1j, object(), HUGE)
 NO_POINT: tuple[object, ...] = ("a", 1.0, (0, 0), (NAN, 0, 0), ("a", 0, 0), np.zeros((2, 2)), (1e300, 0, 0))
 NO_VECTOR: tuple[object, ...] = (None, "x", 1.0, (), (0, 0), (NAN, 0, 0), ("a", 0, 0), [[0, 0, 1]], (float("inf"), 0, 0))
+NO_PROBLEM: tuple[object, ...] = (None, 1, "wall.json", Path("wall.json"))
 
 
 @cache
@@ -97,6 +98,15 @@ REFUSED: dict[str, tuple[Callable[[Any], object], tuple[object, ...]]] = {
     "Acceleration": (lambda v: _problem(loads=(masonry.Acceleration(v),)), NO_VECTOR[1:]),
     "PointForce.point": (lambda v: _problem(loads=(masonry.PointForce("stone", (1, 0, 0), v),)), NO_VECTOR[1:]),
     "choose.count": (lambda v: choose(np.array([1, 2, 3]), np.ones(3, dtype=bool), v), (None, "1", -1, 2.5, NAN, True)),
+    "analyse.problem": (masonry.analyse, NO_PROBLEM),
+    "structure.problem": (masonry.structure, NO_PROBLEM),
+    "bracket.problem": (lambda v: masonry.bracket(v, 0.1, 0.5), NO_PROBLEM),
+    "settle.problem": (lambda v: masonry.settle(v, [masonry.Movement("floor", (0.0, 0.0, -0.1))]), NO_PROBLEM),
+    "shake.problem": (masonry.shake, NO_PROBLEM),
+    "push_by_displacement.problem": (masonry.push_by_displacement, NO_PROBLEM),
+    "pushed.problem": (lambda v: masonry.pushed(v, (1.0, 0.0, 0.0)), NO_PROBLEM),
+    "shaken.problem": (lambda v: masonry.shaken(v, (1.0, 0.0, 0.0), lambda t: 0.0), NO_PROBLEM),
+    "write_masonry.problem": (lambda v: masonry.write_masonry("a.json", v), NO_PROBLEM),
     "choose.seed": (lambda v: choose(np.array([1, 2, 3]), np.ones(3, dtype=bool), 2, v), (None, "1", -1, 2.5, NAN)),
 }
 

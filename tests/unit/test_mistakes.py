@@ -133,6 +133,12 @@ def spring() -> Linkage:
     return Linkage(scene(), [SpringDamper("spring", "block", "celing", ((0.1, 0.05, 0.1), (0.1, 0.05, 0.5)), stiffness=100.0)])
 
 
+def tipping() -> Model:
+    """A rigid block at rest on a floor that only its centre holds."""
+    box = rigid_box("block", (0.2, 0.1, 0.1), (0.1, 0.05, 0.05), 4.0)
+    return build_model([box, FLOOR], supports=[Support("floor", ("x", "y", "z"))], gravity=lambda t: (0, 0, -9.81))
+
+
 def turning() -> Model:
     return scene(supports=[DrivenRotation("floor", lambda t: 30 * t, (0.0, 0.0, 0.0), (0.0, 0.0, 1.0))])
 
@@ -207,6 +213,7 @@ MISTAKES: Mapping[str, tuple[Callable[[], object], str]] = {
     "Inertia of no body": (lambda: said(with_inertia((2.0, 2.0, 2.0)), steps=1), "Is it in kg m^2"),
     "Poisson's ratio 0.5": (lambda: Material(E=1e6, nu=0.5, density=1000.0), "-1 < nu < 0.5"),
     "Statics without supports": (lambda: said(scene(), scheme=QuasiStatic(0.1)), "Add supports, or choose eta > 0"),
+    "A floor that may turn": (lambda: said(tipping(), scheme=QuasiStatic(1.0, eta=10.0), steps=1), "'rx', 'ry', 'rz')) holds it whole"),
     "A body begins far above the floor": (lambda: said(high(), steps=1), "begin nearer, with a velocity"),
     "A body beside the floor": (lambda: said(scene(at=(5.0, 0.0, 0.0)), steps=1), "the floor large enough?"),
     "The floor is forgotten": (lambda: said(build_model([Body("block", block())], gravity=lambda t: (0, 0, -9.81), beta=1e-3), steps=1),
@@ -247,6 +254,8 @@ def test_a_mistake_is_answered(title: str, tmp_path: Path, monkeypatch: pytest.M
 
 
 def test_what_is_right_is_not_remarked_on() -> None:
+    assert "free to turn" not in said(tipping(), steps=1)  # in dynamics it may be a pivot
+    assert "free to turn" not in said(scene(), scheme=QuasiStatic(1.0, eta=10.0), steps=1)
     assert said(scene()) == ""
     assert shaken(0.002) == ""
     units = 1e3  # mm, t, s: MPa

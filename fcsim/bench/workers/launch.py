@@ -9,7 +9,7 @@ import sys
 import threading
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from tempfile import TemporaryFile
@@ -53,12 +53,14 @@ class WorkerProcess:
         self.settings, self.pinned = settings, pinned
         self._process: subprocess.Popen[str] | None = None
         self._said: IO[str] | None = None
+        self._pipes: list[IO[str]] = []
 
     def _start(self) -> subprocess.Popen[str]:
         environment = {key: value for key, value in os.environ.items() if key.partition("_")[0] not in _MPI_VARIABLES}
         environment |= dict.fromkeys((*THREAD_VARIABLES, "NUMBA_NUM_THREADS", "FCSIM_THREADS"), str(self.settings.threads))
         known = [str(Path(__file__).parents[3]), environment.get("PYTHONPATH", "")]
         environment["PYTHONPATH"] = os.pathsep.join(filter(None, known))
+        self.close()
         self._said = TemporaryFile("w+", errors="replace")  # noqa: SIM115 - as long as the process
         process = subprocess.Popen(
             [sys.executable, ISOLATED, "-m", "fcsim.bench.workers.worker"],
@@ -70,6 +72,7 @@ class WorkerProcess:
             start_new_session=True,  # Ctrl-C is for the bench, which ends its workers
         )
         self._process = process
+        self._pipes = [pipe for pipe in (process.stdin, process.stdout, self._said) if pipe is not None]
         self._ask({**asdict(self.settings), "cores": self.pinned})
         return process
 
@@ -119,6 +122,13 @@ class WorkerProcess:
             process.kill()
             process.wait()
 
+    def close(self) -> None:
+        """Close what was written to and read from processes that have ended, once no thread waits for them."""
+        for pipe in self._pipes:
+            with suppress(BrokenPipeError):  # of what was not read
+                pipe.close()
+        self._pipes = []
+
 
 _here = threading.local()
 
@@ -158,6 +168,8 @@ def local(settings: Settings, jobs: int) -> Iterator[Launcher]:
         for worker in workers:
             worker.end()
         executor.shutdown()
+        for worker in workers:
+            worker.close()
 
 
 @contextmanager

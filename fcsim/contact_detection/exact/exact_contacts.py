@@ -27,7 +27,7 @@ from fcsim.contact_detection.frames import frames
 from fcsim.contact_detection.friction import Friction, FrictionTable
 from fcsim.contact_detection.general.everything import Everything
 from fcsim.contact_detection.sweep import with_swept
-from fcsim.errors import InputError
+from fcsim.errors import MODEL, InputError, expect
 from fcsim.mesh.exact_shape import endless
 
 _ALERT = 0.05  # of the smallest radius; where planes are the only exact shapes, of half the smallest extent of what is meshed
@@ -66,6 +66,7 @@ class ExactContacts:
 
     def __post_init__(self) -> None:
         model = self.model
+        expect(model, Model, "ExactContacts, model", MODEL)
         solids = solids_of(model)
         if not len(solids.body):
             raise InputError("ExactContacts: expected bodies of exact shape (rigid_sphere and its like), got none: use Everything")

@@ -29,7 +29,7 @@ from fcsim.contact_detection.skin.shape import shape_of
 from fcsim.contact_detection.skin.skin import Shape, Skin
 from fcsim.contact_detection.surfaces.bulges import bulges_of_all_edges, highest
 from fcsim.contact_detection.sweep import samples, with_swept
-from fcsim.errors import InputError
+from fcsim.errors import MODEL, InputError, expect
 from fcsim.mesh.part import Body
 
 _ALERT = 1e-2  # of a body's extent
@@ -83,6 +83,7 @@ class Everything:
 
     def __post_init__(self) -> None:
         model = self.model
+        expect(model, Model, "Everything, model", MODEL)
         names = [body.name for body in model.bodies]
         refuse_alert("Everything", self.alert)
         skin = closed_skin(boundary_of(model), model.reference, names)

@@ -21,7 +21,7 @@ from fcsim.linkage import Control, Linkage
 from fcsim.masonry.bodies import rigid_blocks, vector_of
 from fcsim.masonry.limit_analysis.limit import associative_limit
 from fcsim.masonry.limit_analysis.limit_problem import limit_problem
-from fcsim.masonry.problem import GRAVITY, MasonryProblem, PointForce
+from fcsim.masonry.problem import GRAVITY, MasonryProblem, PointForce, expect_problem
 from fcsim.masonry.structure import structure
 from fcsim.timestep.chain import SolverSettings
 from fcsim.timestep.quasi_static import QuasiStatic
@@ -113,6 +113,7 @@ def branch_steps(
     regularising mass lets it. What contacts bear goes on smoothly there, but the mechanism is another one, that of a joint which has
     just opened, or of a block that came off, and the push by which it was held does not hold that.
     """
+    expect_problem(problem, "push by displacement")
     step = default_step(problem) if step is None else step
     to = default_end(problem) if to is None else to
     if not (is_number(step) and is_number(to) and 0 < step <= to):

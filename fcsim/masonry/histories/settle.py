@@ -32,7 +32,7 @@ from fcsim.masonry.bodies import HELD, supports, vector_of
 from fcsim.masonry.limit_analysis.limit import associative_limit
 from fcsim.masonry.limit_analysis.limit_problem import limit_problem
 from fcsim.masonry.openings import Opening, openings
-from fcsim.masonry.problem import GRAVITY, MasonryProblem
+from fcsim.masonry.problem import GRAVITY, MasonryProblem, expect_problem
 from fcsim.masonry.structure import BlocksAre, Stone, free_nodes, structure, touching
 from fcsim.timestep.chain import SolverSettings
 from fcsim.timestep.quasi_static import QuasiStatic
@@ -184,6 +184,7 @@ class _Row:
 
 
 def _checked(problem: MasonryProblem, movements: Sequence[Movement], steps: int) -> None:
+    expect_problem(problem, "settlement")
     what = f"settlement of {problem.name!r}"
     if not (isinstance(steps, int) and steps >= 1):
         raise InputError(f"{what}, steps: expected a whole number >= 1, got {steps!r}")

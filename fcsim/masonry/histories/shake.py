@@ -20,7 +20,7 @@ from fcsim.assembly.time_functions import AccelerationRecord
 from fcsim.brief import shown
 from fcsim.contact_detection import Everything
 from fcsim.errors import InputError
-from fcsim.masonry.problem import GRAVITY, BaseAcceleration, MasonryProblem
+from fcsim.masonry.problem import GRAVITY, BaseAcceleration, MasonryProblem, expect_problem
 from fcsim.masonry.structure import BlocksAre, Stone, free_nodes, structure
 from fcsim.timestep.chain import SolverSettings
 from fcsim.timestep.simulation import Simulation
@@ -51,6 +51,7 @@ class Shake:
 
 def shaken(problem: MasonryProblem, direction: tuple[float, float, float], record: AccelerationRecord) -> MasonryProblem:
     """Return the problem on ground that accelerates along a direction (3,) by the record [m/s^2], in place of its own shaking."""
+    expect_problem(problem, "shaken")
     return replace(problem, shaking=(BaseAcceleration(direction, record),))
 
 
@@ -70,6 +71,7 @@ def shake(
     duration [s]: by default the record's and two seconds; h [s]: the step, by default a hundredth of the time in which the smallest block
     falls by its extent. InputError where no ground shakes and no block begins moved.
     """
+    expect_problem(problem, "shake")
     if duration is None:
         if not problem.shaking:
             raise InputError(f"{problem.name!r}: expected base_acceleration or a duration, got neither")

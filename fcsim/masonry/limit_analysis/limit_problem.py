@@ -14,7 +14,7 @@ from fcsim.contact_detection import Contacts, Everything
 from fcsim.contact_detection.contact_matrix import contact_matrix
 from fcsim.errors import InputError
 from fcsim.masonry.bodies import force_and_moment, rigid_blocks, supports, vector_of
-from fcsim.masonry.problem import MasonryProblem, PointForce
+from fcsim.masonry.problem import MasonryProblem, PointForce, expect_problem
 from fcsim.witness import Witness, begin
 
 _SMALLEST_LOAD = 1e-60
@@ -47,6 +47,7 @@ def limit_problem(problem: MasonryProblem, *, tolerance: float | None = None) ->
     tolerance [m]: blocks that are nearer are in contact; by default 1e-4 of the smallest block's extent. InputError names blocks that
     overlap, as the witness sees them.
     """
+    expect_problem(problem, "limit analysis")
     if problem.shaking:
         raise InputError(f"limit analysis of {problem.name!r}: expected ground at rest, got base_acceleration: see `fcsim shake`")
     bodies = rigid_blocks(problem)

@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 
 from fcsim.arrays import BoolArray, FloatArray, IntArray, numbers_of
 from fcsim.brief import shown
-from fcsim.errors import InputError, asked
+from fcsim.errors import InputError, asked, expect
 from fcsim.mesh.cell_type import CELL_TYPES
 from fcsim.mesh.part import Part
 
@@ -59,6 +59,7 @@ def with_surface(part: Part, name: str, where: Where) -> Part:
     where takes coordinates x (d, n) [m] in the part's axes, as dolfinx's `locate_entities_boundary`. Facets are oriented outwards.
     InputError for a name that is there, and where no facet is meant.
     """
+    expect(part, Part, "with_surface, part", "a Part, as brick(...) gives")
     what = f"Part {part.name!r}, surface {name!r}"
     if name in part.surfaces:
         raise InputError(f"{what}: expected a new name, the surfaces are {', '.join(map(repr, part.surfaces))}")

@@ -10,7 +10,7 @@ from fcsim.arrays import is_number
 from fcsim.assembly.model import Model
 from fcsim.brief import shown
 from fcsim.contact_law.friction import refuse_endless
-from fcsim.errors import InputError
+from fcsim.errors import MODEL, InputError
 from fcsim.linkage import Linkage
 from fcsim.timestep.chain import SolverSettings
 from fcsim.timestep.limits import Limits
@@ -30,7 +30,7 @@ _KINDS: dict[str, tuple[type, ...]] = {
 def refuse_arguments(simulation: object, model: object, detector: object, scheme: object) -> None:
     """InputError where a model, detector or scheme of a simulation is none, or another field none of its kind."""
     if not isinstance(model, Model):
-        raise InputError(f"Simulation, model: expected what build_model(...) returns, got {type(model).__name__}")
+        raise InputError(f"Simulation, model: expected {MODEL}, got {type(model).__name__}")
     if isinstance(detector, type) or not (callable(detector) and hasattr(detector, "nodes")):
         raise InputError(
             "Simulation, detector: expected where bodies may touch, Everything(model, mu=0.5) or Detector([SurfacePair(...)], "

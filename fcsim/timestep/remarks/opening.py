@@ -22,6 +22,7 @@ from fcsim.timestep.remarks.pieces import hanging_nodes, torn_meshes
 from fcsim.timestep.remarks.unlikely import (
     diagonal_pull,
     fast_turning,
+    free_to_turn,
     growing,
     inertia_of_no_body,
     long_arms,
@@ -71,6 +72,8 @@ def opening_remarks(
     found.append(unused_velocities(model, scheme, state))
     if linkage is not None:
         found.append(locked_joints(model, linkage, detector, positions))
+    if not linked:
+        found.append(free_to_turn(model, scheme))
     if not linked and not upwards:
         usual: FloatArray = np.median(seen, axis=0)  # ground that shakes may be the largest for a moment: nothing falls that way
         found.append(falling(model, state, scheme, usual, steps, _held(model)))

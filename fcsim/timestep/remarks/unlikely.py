@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from fcsim.arrays import FloatArray
+from fcsim.assembly.layout import DIRECTIONS
 from fcsim.assembly.model import Model
 from fcsim.assembly.supports import DrivenRotation, Support
 from fcsim.contact_detection import Detection, Detector
@@ -123,6 +124,24 @@ def _moduli(material: object) -> tuple[float, ...]:
 
 def _height(body: Body, down: FloatArray) -> float:
     return float(np.ptp(body.points @ down))
+
+
+def free_to_turn(model: Model, scheme: Scheme) -> Iterator[str]:
+    """Of statics: a rigid body that supports keep where it is and let turn, as a floor whose rotations were not thought of."""
+    if scheme.timing.moving:
+        return
+    d, driven = model.dimension, np.zeros(model.n_dofs, dtype=bool)
+    driven[model.driven_dofs] = True
+    for number, body in enumerate(model.bodies):
+        held = driven[model.dof_offset[number] : model.dof_offset[number + 1]]
+        if not isinstance(body, Body) and body.shape is None and held[:d].all() and not held[d:].any():
+            every = DIRECTIONS[d]
+            whole = ", ".join(map(repr, every))
+            yield (
+                f"rigid body {body.name!r} is held in {', '.join(every[:d])} and free to turn about its centre: in statics nothing but eta "
+                f"keeps it from tipping under what is not above that. Support({body.name!r}, ({whole})) holds it whole"
+            )
+            return
 
 
 def inertia_of_no_body(model: Model) -> Iterator[str]:

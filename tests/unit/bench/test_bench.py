@@ -20,11 +20,11 @@ import scipy.sparse as sp
 
 from fcsim.bench.problems import entries
 from fcsim.bench.results import Measurement, read_results
-from fcsim.bench.workers.launch import cores
+from fcsim.bench.workers.launch import WorkerProcess, cores
 from fcsim.bench.workers.siconos_client import siconos_version
 from fcsim.bench.workers.siconos_worker import CONFIGURATIONS
 from fcsim.bench.workers.solves import chain_like
-from fcsim.bench.workers.worker import judged
+from fcsim.bench.workers.worker import Settings, judged
 from fcsim.command_line.main import main
 from fcsim.command_line.sets.measuring import SICONOS_BEST
 from fcsim.export_fclib import GlobalRollingProblem, write_fclib
@@ -546,3 +546,16 @@ def test_siconos_is_one_more_solver(block: Path, tmp_path: Path) -> None:
         assert row.solved and row.error is not None and row.error <= 1.01 * row.tol and (row.seconds or 0) > 0
         assert row.version == version or row.program == "fcsim"
     assert set(SICONOS_BEST) <= set(CONFIGURATIONS)
+
+
+def test_a_process_of_measurements_leaves_no_file_open() -> None:
+    """Not even one that was started again: a thousand problems whose solver crashes would use up the files that a process may open."""
+    worker = WorkerProcess(Settings(), ())
+    first = worker._start()
+    worker.end()
+    second = worker._start()
+    worker.end()
+    pipes = (first.stdin, first.stdout, second.stdin, second.stdout)
+    assert [pipe is not None and pipe.closed for pipe in pipes] == [True, True, False, False]
+    worker.close()
+    assert all(pipe is not None and pipe.closed for pipe in pipes)

@@ -14,7 +14,7 @@ import pytest
 
 from fcsim.campaign.plan import Plan, make_plan
 from fcsim.campaign.process import Task, make_run
-from fcsim.campaign.record import Limits, Place, Record, stands
+from fcsim.campaign.record import Limits, Place, Record, runs_in, stands
 from fcsim.campaign.results import Row, write_results
 from fcsim.campaign.sweep import Progress, SweepOptions, sweep
 from fcsim.errors import InputError
@@ -255,3 +255,13 @@ def test_options_that_are_none_are_refused() -> None:
         SweepOptions(jobs=0)
     with pytest.raises(InputError, match="time limit"):
         SweepOptions(limits=Limits(time=float("nan")))
+
+
+def test_the_folder_of_a_sweep_stands_for_its_runs_and_all_that_is_in_it_for_each_once(planned: Planned, tmp_path: Path) -> None:
+    """`fcsim compare SWEEP/*/` is given logs/ and records/ too."""
+    out = tmp_path / "out"
+    sweep(planned("mu=0.3,0.5"), out, SweepOptions())
+    runs = sorted((out / "runs").iterdir())
+    assert len(runs) == 2 and {path.name for path in out.iterdir() if path.is_dir()} >= {"logs", "records", "runs"}
+    assert runs_in(out) == runs == [run for path in out.iterdir() if path.is_dir() for run in runs_in(path)]
+    assert runs_in(runs[0]) == [runs[0]] and runs_in(tmp_path / "logs") == [tmp_path / "logs"]

@@ -11,6 +11,7 @@ from fcsim.command_line.answers import answering, table_of
 from fcsim.command_line.main import _parser, main
 from fcsim.command_line.progress import progress
 from fcsim.command_line.terminal import print_table, say
+from fcsim.errors import InputError
 from fcsim.export_fclib import Solution, write_fclib
 from fcsim.masonry import Block, MasonryProblem, write_masonry
 from fcsim.mesh.solids.closed_surface import closed_surface
@@ -114,6 +115,8 @@ def test_steps_with_a_bar(case_folder: Path, capsys: pytest.CaptureFixture[str])
     simulation = script.build(parse_parameters(script, {"steps": "2"})).simulation
     assert [step.number for step in progress(simulation)] == [1, 2]
     assert "step 2 of 2: " in capsys.readouterr().err
+    with pytest.raises(InputError, match=r"expected Simulation\(...\) itself"):
+        next(progress([]))  # type: ignore[arg-type]
 
 
 NOTEBOOK = """

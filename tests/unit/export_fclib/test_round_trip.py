@@ -186,6 +186,8 @@ def test_what_cannot_be_written_is_refused(tmp_path, changes, message):
 
 
 def test_a_missing_folder_and_a_foreign_problem_are_refused(tmp_path):
+    with pytest.raises(InputError, match="expected the name of a file to write, this is a folder"):
+        write_fclib(tmp_path, make_problem("local"))
     with pytest.raises(InputError, match=r"nowhere.a\.hdf5: expected an existing folder"):
         write_fclib(tmp_path / "nowhere" / "a.hdf5", make_problem("local"))
     with pytest.raises(InputError, match=r"problem: expected a GlobalProblem, .* got dict"):

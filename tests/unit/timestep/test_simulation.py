@@ -176,6 +176,15 @@ def test_a_script_cannot_write_into_what_the_next_step_is_made_of() -> None:
                 values[0] = 7
 
 
+def test_a_script_that_writes_into_a_steps_state_does_not_change_the_steps_to_come() -> None:
+    """Metres become millimetres in place."""
+    for one, other in zip(press(steps=3), press(steps=3), strict=True):
+        assert_array_equal(one.state.x, other.state.x)
+        assert_array_equal(one.state.v, other.state.v)
+        for values in (one.state.x, one.state.v):
+            values *= 1e3
+
+
 def test_steps_leave_nothing_to_the_collector_of_cycles() -> None:
     """A step that is in a circle of references stays until Python looks for circles, which it does ever less often in a long run."""
     steps = iter(press(steps=12))
