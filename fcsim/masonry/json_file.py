@@ -9,13 +9,15 @@ initial_pose [{block, translation, rotation [rx, ry, rz] (vector, rad), about [x
 base_acceleration [{direction, times, values} | {kind "half_sine" or "sine", value (amplitude and direction), duration, frequency}]
 expected [{quantity, value, kind, bound, tolerance}]; name, title, question, source
 
-Other keys are left aside.
+Other keys are left aside, but for those that look like one of these misspelt, friction or supports said in other words, and what blocks
+would hold by besides friction (cohesion, tension, dilatancy): they are refused. So are `units` other than m, kg, s, N.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
@@ -33,6 +35,27 @@ from fcsim.records import from_json, read_json, write_record
 SCHEMA = "masonry-problem/1"
 HEXAHEDRON = ((0, 3, 2, 1), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7))
 """The faces of VTK's hexahedron."""
+_KEYS = {
+    "": "schema name title question source dimension units blocks contact loads support_motion initial_pose base_acceleration expected",
+    "blocks": "id vertices faces density mass support",
+    "contact": "mu mu_between law",
+    "mu_between": "between mu",
+    "loads": "kind value block point moment scaled_by_multiplier",
+    "support_motion": "block velocity",
+    "initial_pose": "block translation rotation about",
+    "base_acceleration": "direction times values kind value duration frequency",
+}
+"""What each record may say."""
+_MEANT = {"fixed": "support", "is_support": "support", "friction": "mu", "mu": "mu_between of contact", "scaled": "scaled_by_multiplier"}
+"""What is said in other words, and the key that says it."""
+_BEYOND = ("cohesion", "tension", "tensile", "dilat")
+"""Parts of the names of what joints of dry blocks do not have."""
+_UNITS = {
+    "length": ("m", "metre", "metres", "meter", "meters"),
+    "mass": ("kg", "kilogram", "kilograms"),
+    "time": ("s", "second", "seconds"),
+    "force": ("N", "newton", "newtons"),
+}
 _SAMPLES, _HALF_WAVES = 500, 10_000  # points of a half wave; more than any table shakes
 
 
@@ -57,18 +80,31 @@ def masonry_of_json(data: Json, path: Path) -> MasonryProblem:
     if not isinstance(data, Mapping) or data.get("schema") != SCHEMA:
         schema = data.get("schema", "no schema") if isinstance(data, Mapping) else type(data).__name__
         raise InputError(f'{where}: expected a masonry problem, schema "{SCHEMA}", got {schema!r}')
+    _refuse_slips(data, "", where)
+    _refuse_units(data.get("units"), f"{where}, units")
     blocks = _entries(data, "blocks", where)
     if not blocks:
         raise InputError(f"{where}, blocks: expected at least one, got none")
     contact = _mapping(data.get("contact"), f"{where}, contact")
-    between = {}
+    _refuse_slips(contact, "contact", f"{where}, contact")
+    between: dict[tuple[str, str], float] = {}
     for entry in _entries(contact, "mu_between", f"{where}, contact"):
         entry = _mapping(entry, f"{where}, mu_between")
+        _refuse_slips(entry, "mu_between", f"{where}, mu_between")
         pair = [_name({"between": name}, "between", f"{where}, mu_between") for name in _entries(entry, "between", f"{where}, mu_between")]
         if len(pair) != 2:
             raise InputError(f"{where}, mu_between: expected the names of two blocks, got {pair}")
-        between[pair[0], pair[1]] = _get(float, entry, "mu", f"{where}, mu_between {pair}")
+        mu = _get(float, entry, "mu", f"{where}, mu_between {pair}")
+        known = between.get((pair[0], pair[1]), mu)
+        if known != mu:
+            raise InputError(f"{where}, mu_between: expected one number for {pair[0]!r} and {pair[1]!r}, got {known:g} and {mu:g}")
+        between[pair[0], pair[1]] = mu
     poses = [_pose(entry, f"{where}, initial_pose") for entry in _one_or_more(data, "initial_pose", where)]
+    motions = [_motion(entry, f"{where}, support_motion") for entry in _entries(data, "support_motion", where)]
+    moving = [name for name, _ in motions]
+    twice = next((name for name in moving if moving.count(name) > 1), None)
+    if twice is not None:
+        raise InputError(f"{where}, support_motion: expected one velocity a support, got {moving.count(twice)} of {twice!r}: add them up")
     read = [_block(entry, where) for entry in blocks]
     for name, moved in poses:
         found = [k for k, block in enumerate(read) if block.name == name]
@@ -82,7 +118,7 @@ def masonry_of_json(data: Json, path: Path) -> MasonryProblem:
         mu=_get(float, contact, "mu", f"{where}, contact"),
         loads=tuple(_load(entry, where) for entry in _entries(data, "loads", where)),
         between=between,
-        motion=dict(_motion(entry, f"{where}, support_motion") for entry in _entries(data, "support_motion", where)),
+        motion=dict(motions),
         shaking=tuple(_shaking(entry, f"{where}, base_acceleration") for entry in _one_or_more(data, "base_acceleration", where)),
         title=_get(str, data, "title", where, ""),
         question=_get(str, data, "question", where, ""),
@@ -122,6 +158,7 @@ def _block(entry: object, where: str) -> Block:
     entry = _mapping(entry, f"{where}, blocks")
     name = _name(entry, "id", f"{where}, blocks")
     what = f"{where}, block {name!r}"
+    _refuse_slips(entry, "blocks", what)
     vertices = _get(tuple[tuple[float, ...], ...], entry, "vertices", what)
     if any(len(vertex) != 3 for vertex in vertices):
         raise InputError(f"{what}, vertices: expected three coordinates each")
@@ -148,6 +185,9 @@ def _pose(entry: object, where: str) -> tuple[str, Callable[[Block], Block]]:
     """The name of a block, and how it is moved to where it begins."""
     entry = _mapping(entry, where)
     name = _name(entry, "block", where)
+    _refuse_slips(entry, "initial_pose", where)
+    if not {"translation", "rotation"} & set(entry):
+        raise InputError(f"{where}, {name!r}: expected a translation or a rotation, got neither")
     translation, rotation = (_vector(entry, key, where) if key in entry else (0.0, 0.0, 0.0) for key in ("translation", "rotation"))
     about = _vector(entry, "about", where) if entry.get("about") is not None else None
 
@@ -161,6 +201,7 @@ def _pose(entry: object, where: str) -> tuple[str, Callable[[Block], Block]]:
 
 def _shaking(entry: object, where: str) -> BaseAcceleration:
     entry = _mapping(entry, where)
+    _refuse_slips(entry, "base_acceleration", where)
     if "times" in entry:
         times, values = (_get(tuple[float, ...], entry, key, where) for key in ("times", "values"))
         return BaseAcceleration(_vector(entry, "direction", where), _record(times, values, where))
@@ -196,6 +237,7 @@ def _load(entry: object, where: str) -> Acceleration | PointForce:
     entry = _mapping(entry, f"{where}, loads")
     kind = _get(str, entry, "kind", f"{where}, loads")
     what = f"{where}, load {kind!r}"
+    _refuse_slips(entry, "loads", what)
     value, scaled = _vector(entry, "value", what), _get(bool, entry, "scaled_by_multiplier", what, False)
     if kind == "acceleration":
         return Acceleration(value, scaled)
@@ -216,6 +258,7 @@ def _load_entry(load: Acceleration | PointForce) -> dict[str, object]:
 
 def _motion(entry: object, where: str) -> tuple[str, tuple[float, float, float]]:
     entry = _mapping(entry, where)
+    _refuse_slips(entry, "support_motion", where)
     return _name(entry, "block", where), _vector(entry, "velocity", where)
 
 
@@ -243,6 +286,29 @@ def _vector(entry: Mapping[str, object], key: str, where: str) -> tuple[float, f
     if len(values) != 3:
         raise InputError(f"{where}, {key}: expected three numbers, got {len(values)}")
     return values[0], values[1], values[2]
+
+
+def _refuse_slips(entry: Mapping[str, object], kind: str, where: str) -> None:
+    """InputError for keys that are none but look or mean like one: what they say would be left aside without a word."""
+    known = _KEYS[kind].split()
+    for key, value in entry.items():
+        if key in known or not value:
+            continue
+        if any(part in key.lower() for part in _BEYOND):
+            raise InputError(f"{where}: expected dry joints with Coulomb's friction, got {key!r}: {value!r}, which is not covered")
+        left = [name for name in known if name not in entry]
+        meant = _MEANT.get(key.lower(), "").split(" of ")
+        near = [" of ".join(meant)] if meant[0] in left or meant[1:] else get_close_matches(key.lower(), left, 1, 0.8)
+        if near:
+            raise InputError(f"{where}: expected the key {near[0]!r}, got {key!r}, which would be left aside")
+
+
+def _refuse_units(units: object, where: str) -> None:
+    """InputError for units that are not those of the schema: numbers are not converted."""
+    for name, accepted in _UNITS.items():
+        given = units.get(name) if isinstance(units, Mapping) else None
+        if isinstance(given, str) and given.strip() not in accepted:
+            raise InputError(f"{where}, {name}: expected {accepted[0]}, since numbers are not converted, got {given!r}")
 
 
 _MISSING = object()

@@ -11,6 +11,7 @@ from scipy.sparse.csgraph import connected_components
 from fcsim.contact_detection import Contacts
 from fcsim.masonry.collapse import FINEST, FIRST, Bracket, pressed, tolerance_of
 from fcsim.masonry.limit_analysis.analysis import LimitAnalysis
+from fcsim.masonry.limit_analysis.wedged import only_wedged
 
 _BELOW, _ABOVE = 0.99, 1.02
 """Shares of Coulomb's multiplier by limit analysis below which a fall is remarked upon, and of the associative one above which."""
@@ -40,6 +41,12 @@ def _of_the_model(analysis: LimitAnalysis) -> list[str]:
         said.append("no block is a support: all fall")
     elif loose.any():
         said.append(f"no chain of contacts leads to a support from {_named(names, loose)}: joints wider than the tolerance are open")
+    wedged = only_wedged(analysis.limit) & ~loose
+    if wedged.any():
+        said.append(
+            f"nothing bears {_named(names, wedged)} from below, nor presses their joints: friction can hold them once they are wedged, "
+            "which limit analysis counts; from rest they fall"
+        )
     thin = on_a_line(contacts, len(blocks), _THIN * analysis.problem.size) & ~held & ~loose
     if thin.any():
         where = "a point" if contacts.dimension == 2 else "a line or a point"

@@ -13,7 +13,8 @@ from fcsim.command_line.terminal import print_table, say, say_json
 from fcsim.errors import EXIT_NOT_CONVERGED, EXIT_OK
 
 if TYPE_CHECKING:
-    from fcsim.masonry import Bracket, LimitAnalysis
+    from fcsim.arrays import FloatArray
+    from fcsim.masonry import Bracket, LimitAnalysis, MasonryProblem
     from fcsim.timestep.step import Step
 
 WORDS = {"hinge": "turn", "sliding": "slide", "open": "open", "closed": "stay closed"}
@@ -53,12 +54,19 @@ def print_analysis(options: argparse.Namespace, analysis: LimitAnalysis, seen: B
     return _exit(analysis)
 
 
+def friction_words(problem: MasonryProblem, mu: FloatArray, share: float = 1.0) -> str:
+    """A share of the friction mu (nc,) that the joints have: a number, or from which to which."""
+    low, high = (mu.min(), mu.max()) if len(mu) else (problem.mu, problem.mu)
+    return f"{share * low:.5g}" if low == high else f"{share * low:.5g} to {share * high:.5g}"
+
+
 def _print_multipliers(analysis: LimitAnalysis, seen: Bracket | None, angle: bool) -> None:
     """The table of multipliers; angle: with the angle of a table that tilts."""
     problem = analysis.problem
     free = sum(not block.support for block in problem.blocks)
     held = len(problem.blocks) - free
-    say(f"{problem.title or problem.name}: {free} blocks, {held} supports, {len(analysis.joints)} joints, mu {problem.mu:g}")
+    mu = friction_words(problem, analysis.limit.contacts.mu)
+    say(f"{problem.title or problem.name}: {free} blocks, {held} supports, {len(analysis.joints)} joints, mu {mu}")
     rows: list[Sequence[str]] = []
 
     def row(what: str, multiplier: float, remark: str) -> None:

@@ -6,7 +6,7 @@ import argparse
 import math
 from typing import TYPE_CHECKING
 
-from fcsim.command_line.masonry.analysis import print_analysis
+from fcsim.command_line.masonry.analysis import friction_words, print_analysis
 from fcsim.command_line.masonry.arguments import direction, read
 from fcsim.command_line.terminal import print_table, say, say_json
 from fcsim.errors import EXIT_OK, InputError
@@ -54,7 +54,8 @@ def _limit(options: argparse.Namespace) -> int:
 def _friction(options: argparse.Namespace, problem: MasonryProblem) -> int:
     from fcsim.masonry import friction_factor, limit_problem
 
-    factor = friction_factor(limit_problem(problem, tolerance=options.tolerance), options.multiplier)
+    limit = limit_problem(problem, tolerance=options.tolerance)
+    factor = friction_factor(limit, options.multiplier)
     if options.out is not None:
         raise InputError("--out: expected it without --friction, whose answer is one number")
     if options.json:
@@ -63,9 +64,10 @@ def _friction(options: argparse.Namespace, problem: MasonryProblem) -> int:
     if factor == 0:
         said = "no friction holds it"
     elif factor == math.inf:
-        said = "it needs no friction"
+        said = "it stands with a thousandth of its friction"
     else:
-        said = f"factor of safety by reduction of friction {factor:.5g}: it needs mu {problem.mu / factor:.5g} of {problem.mu:g}"
+        needs, has = (friction_words(problem, limit.contacts.mu, share) for share in (1 / factor, 1.0))
+        said = f"factor of safety by reduction of friction {factor:.5g}: it needs mu {needs} of {has}"
     say(f"{problem.title or problem.name}: {said}")
     return EXIT_OK
 

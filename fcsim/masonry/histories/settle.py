@@ -29,6 +29,7 @@ from fcsim.brief import shown
 from fcsim.contact_detection import Contacts, Everything
 from fcsim.errors import InputError, NotConverged
 from fcsim.masonry.bodies import HELD, supports, vector_of
+from fcsim.masonry.collapse import RUNAWAY
 from fcsim.masonry.limit_analysis.limit import associative_limit
 from fcsim.masonry.limit_analysis.limit_problem import limit_problem
 from fcsim.masonry.openings import Opening, openings
@@ -43,6 +44,7 @@ from fcsim.timestep.step import Step
 _SHARE = 1e-6  # of the weight: the regularising force of a block that moves as its support does
 _RUNS = 1e3  # times its support's pace: a block that moves so fast falls, by a thousandth of its weight out of balance
 _OPEN = 1e-7  # of the structure's extent
+_SOFT_RUNAWAY = 0.1  # of it: farther than deformable blocks sink under their weight
 STEPS = 100
 ROTATION = 1.0
 """Degrees that deformable blocks may turn by: forces are wrong by what structures have changed their shape by, about its sine."""
@@ -71,7 +73,8 @@ class Movement:
 class Settlement:
     """What a movement of supports makes of a structure; row 0 is before it.
 
-    moved (n,) [m]: the largest displacement of a support's corner; forces: by support (n, d) [N], by which it holds the structure;
+    moved (n,) [m]: the largest displacement of a support's corner; forces: by support (n, d) [N], by which it holds the structure, in the
+    shape that it has where the step begins, a row before;
     opening, slip (n,) [m]: the widest joint, the largest slip; open_joints (n,): how many joints have opened
     falls: the structure ran away after the last row; turned: the way ends there because a deformable block has turned by more than
     `ROTATION`; joints: their openings in it; x: the configuration of `model` there
@@ -122,6 +125,7 @@ def settle(
     still, _ = structure(replace(problem, motion={}), blocks, stone)
     contacts = touching(problem, still)
     first = next(iter(Simulation(still, Everything(still, problem.friction), scheme, 1, _SOLVER, created=np.inf)))
+    _refuse_fall(problem, first, max(_RUNS * reach / steps, (RUNAWAY if blocks == "rigid" else _SOFT_RUNAWAY) * problem.size))
     watch(first)
     rows = [_Row.of(0.0, first, contacts, problem)]
     falls, last = False, first
@@ -147,6 +151,20 @@ def settle(
 
 
 _SOLVER = SolverSettings(name="auto")
+
+
+def _refuse_fall(problem: MasonryProblem, first: Step, far: float) -> None:
+    """InputError where the step before anything moves takes a block farther than `far` [m]: falling along its joints without a force is
+    an answer of Coulomb's law, too, where only a wedging that nothing brings about would hold a block."""
+    moved = np.linalg.norm(first.model.node_displacement(first.state.x), axis=1)
+    if moved[free_nodes(problem, first.model)].max() <= far:
+        return
+    node = int(moved.argmax())
+    name = first.model.bodies[int(np.searchsorted(first.model.node_offset, node, side="right")) - 1].name
+    raise InputError(
+        f"{problem.name!r}: expected a structure that stands before its supports move, got one whose block {name!r} falls: friction could "
+        "hold it once it is wedged, but nothing presses its joints together. Joints that lean, or a load across them, would"
+    )
 
 
 def _moving(problem: MasonryProblem, model: Model, scheme: QuasiStatic, steps: int, begin: FloatArray | None) -> Iterator[Step]:

@@ -19,8 +19,9 @@ _STANDS = 1 - 1e-6  # of the loads
 def friction_factor(problem: LimitProblem, multiplier: float = 0.0, *, resolution: float = 1e-4) -> float:
     """Return F: with mu / F at every joint contact forces bear the loads just still, those that grow at `multiplier`.
 
-    Below 1 the structure falls with the friction that it has. inf: it needs none; 0: no friction holds it. By bisection to `resolution`
-    of F; what bears the loads is found by the static theorem, so that for Coulomb's slip F is an upper bound, as limit loads are.
+    Below 1 the structure falls with the friction that it has. inf: a thousandth of it would do (what is wedged needs some, however little);
+    0: no friction holds it. By bisection to `resolution` of F; what bears the loads is found by the static theorem, so that for Coulomb's
+    slip F is an upper bound, as limit loads are.
     """
     if not (is_number(multiplier) and multiplier >= 0):
         raise InputError(f"multiplier: expected a number >= 0, got {shown(multiplier)}")

@@ -40,7 +40,8 @@ class LimitLoad:
     outcome       "limit"; "unbounded": contact forces bear every multiplier; "falls": not even the loads that stay are borne;
                   "undecided": the programs or their fixed point did not converge
     multiplier    the limit (Coulomb: the least of `span`), inf and 0; of what is undecided the last value
-    r (m,) [N]    contact forces at the limit; v (n_dofs,): velocities of the mechanism, live . v = 1 W (of what falls: dead . v = 1 W)
+    r (m,) [N]    contact forces at the limit; v (n_dofs,): velocities of the mechanism, live . v = 1 W (of what falls: dead . v = 1 W;
+                  of what is borne at every multiplier: 0)
     rounds        of the fixed point
     span          Coulomb: the least and the largest multiplier at which this mechanism and Coulomb's law go together: forces r that are
                   none where it opens, mu r_N against the slip where it slides, in the cone elsewhere. Checked by programs of their own
@@ -66,8 +67,8 @@ def associative_limit(problem: LimitProblem) -> LimitLoad:
         return _undecided(problem, law)
     if stands.multiplier < 1 - 1e-6:
         return LimitLoad(law, "falls", 0.0, stands.r, stands.v)
-    if not np.abs(live).max() > 0:
-        return LimitLoad(law, "unbounded", np.inf, stands.r, stands.v)
+    if not np.abs(live).max() > 0:  # what stands has no mechanism: the program's dual is round-off there
+        return LimitLoad(law, "unbounded", np.inf, stands.r, np.zeros_like(dead))
     program = Program(problem, dead, live)
     found = program.solve()
     if found is None:  # no maximum: is there equilibrium far beyond all proportions?

@@ -74,6 +74,16 @@ def test_what_is_read_and_written_is_the_same(tmp_path: Path) -> None:
         ({"loads": [{"kind": "force", "block": "x", "value": [0, 0, 1]}]}, "name of a block"),
         ({"base_acceleration": "record.csv"}, "base_acceleration"),
         ({"support_motion": [{"block": 1, "velocity": [0, 0, 1]}]}, "support, got the free block"),
+        ({"support_motion": [{"block": "floor", "velocity": [x, 0, 1]} for x in (0, 1)]}, "one velocity a support, got 2 of 'floor'"),
+        ({"contact": {"mu": 0.5, "mu_between": [{"between": ["floor", 1], "mu": x} for x in (0.1, 0.2)]}}, "one number.*0.1 and 0.2"),
+        ({"contact": {"mu": 0.5, "cohesion": 1e5}}, "contact: expected dry joints.*'cohesion': 100000"),
+        ({"contact": {"mu": 0.5, "mu_between": [{"between": ["floor", 1], "mu": 0.1, "ft_tension": 1.0}]}}, "mu_between: expected dry"),
+        ({"contact": {"mu": 0.5, "mu_betwen": [1]}}, "'mu_between', got 'mu_betwen'"),
+        ({"loads": [{"kind": "acceleration", "value": [1, 0, 0], "scaled_by_multipler": True}]}, "'scaled_by_multiplier', got"),
+        ({"initial_pose": [{"block": 1, "translaton": [0, 0, 1]}]}, "'translation', got 'translaton'"),
+        ({"initial_pose": [{"block": 1}]}, "'1': expected a translation or a rotation"),
+        ({"units": {"length": "mm"}}, "units, length: expected m, .* got 'mm'"),
+        ({"suport_motion": [{"block": "floor", "velocity": [0, 0, 1]}]}, "'support_motion', got 'suport_motion'"),
     ],
 )
 def test_what_is_wrong_is_named(tmp_path: Path, change: dict[str, Any], message: str) -> None:
@@ -93,6 +103,9 @@ def test_what_is_wrong_is_named(tmp_path: Path, change: dict[str, Any], message:
         ({"faces": [[0, 1, 2, 99]]}, "'1'.*point numbers"),
         ({"id": "floor"}, "more than once"),
         ({"support": True}, "all of them supports"),
+        ({"fixed": True}, "'1': expected the key 'support', got 'fixed'"),
+        ({"mu": 0.3}, "'1': expected the key 'mu_between of contact', got 'mu'"),
+        ({"Mass": 7.0}, "'1': expected the key 'mass', got 'Mass'"),
     ],
 )
 def test_wrong_blocks_are_named(tmp_path: Path, change: dict[str, Any], message: str) -> None:
@@ -135,3 +148,11 @@ def test_ends_of_a_plane_block_may_be_of_triangles(tmp_path: Path) -> None:
         _, block = rigid_blocks(problem)
         assert block.mass == pytest.approx(2000.0)
         np.testing.assert_allclose(block.centre, (0.5, 1.0), atol=1e-12)
+
+
+def test_what_says_nothing_of_the_structure_is_left_aside(tmp_path: Path) -> None:
+    units = {"length": "m", "mass": "kg", "time": "s", "force": "N", "angle": "degree"}
+    law = {"law": "Coulomb, no cohesion", "cohesion": 0.0, "mu": 0.5}
+    blocks = [block | {"fixed": block["id"] == "floor", "colour": "grey"} for block in PROBLEM["blocks"]]
+    data = PROBLEM | {"units": units, "geometry_rule": {"thickness": 1}, "contact": law, "blocks": blocks, "remarks": ["none"]}
+    assert len(read_masonry(write(tmp_path, data)).blocks) == 2

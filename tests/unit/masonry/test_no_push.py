@@ -1,10 +1,11 @@
-"""A structure without friction bears no push: the multiplier is 0."""
+"""A structure without friction bears no push: the multiplier is 0. What no load pushes has no mechanism."""
 
 from __future__ import annotations
 
 import math
 
 import numpy as np
+import pytest
 
 from fcsim.masonry import Block, MasonryProblem, analyse, pushed
 from fcsim.mesh.solids.closed_surface import closed_surface
@@ -20,3 +21,16 @@ def test_without_friction_the_multiplier_is_none_and_not_minus_none() -> None:
     found = analyse(pushed(MasonryProblem("smooth", 2, (floor, stone), mu=0.0), (1.0, 0.0, 0.0)))
     for limit in (found.associative, found.coulomb):
         assert limit.multiplier == 0.0 and math.copysign(1.0, limit.multiplier) > 0
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_what_stands_and_is_not_pushed_has_no_mechanism(dimension: int) -> None:
+    """Joints that bear 3 kN were said to be open, since interior points leave a dual of 1e-9, in the units of its largest velocity."""
+    floor = Block(closed_surface("floor", CORNERS * (6, 1, 0.5) - (2, 0, 0.5), FACES), support=True)
+    lower = Block(closed_surface("lower", CORNERS * (1, 0.3, 0.3), FACES), density=2000.0)
+    upper = Block(closed_surface("upper", CORNERS * (0.9, 0.3, 0.3) + (0.2, 0, 0.3), FACES), density=2000.0)
+    found = analyse(MasonryProblem("stack", dimension, (floor, lower, upper), mu=0.5))
+    assert found.associative.outcome == found.lowest.outcome == "unbounded" and not found.lowest.v.any()
+    assert [(joint.between, joint.state) for joint in found.joints] == [(("floor", "lower"), "closed"), (("lower", "upper"), "closed")]
+    weights = [0.3 * 0.3 * 2000.0 * 9.81 * length for length in (1.9, 0.9)]
+    assert [joint.normal_force for joint in found.joints] == pytest.approx(weights, rel=1e-6)

@@ -118,3 +118,13 @@ def test_mistakes_are_named() -> None:
     ):
         with pytest.raises(InputError, match=word):
             settle(problem, movements)
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_what_only_wedging_would_hold_falls_before_a_support_moves(dimension: int) -> None:
+    """A stone between two walls that nothing presses: friction as large as one likes bears it in limit analysis, and no friction in the
+    step from rest, where r = 0 solves Coulomb's law (u_N = 0, u_T along the joints). It was a first row of a stone that lay 100 m below."""
+    walls = [cuboid(name, (x, 0.0, 0.0), (x + 1.0, 0.4, 0.5), support=True) for name, x in (("left", -1.0), ("right", 0.4))]
+    problem = MasonryProblem("chimney", dimension, (*walls, cuboid("stone", (0.0, 0.0, 0.0), (0.4, 0.4, 0.5))), 0.9)
+    with pytest.raises(InputError, match=r"'stone' falls: .* nothing presses its joints together"):
+        settle(problem, [Movement("right", (0.01, 0.0, 0.0))])

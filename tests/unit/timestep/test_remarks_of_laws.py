@@ -12,6 +12,7 @@ from fcsim import (
     Cohesive,
     Compliant,
     Detector,
+    Everything,
     ExactContacts,
     Gap,
     Rolling,
@@ -150,3 +151,25 @@ def test_springs_too_soft_are_named_where_they_end_a_run() -> None:
     """k = 100 N/m under 78 N: the ball would come to rest 0.78 m below the floor's surface, four times its diameter."""
     with pytest.raises(Penetration, match="The springs of the contact law are too soft for what presses on them, or contacts were missed"):
         list(_ball(Compliant(Springs(normal=100.0, tangential=100.0, each=True))))
+
+
+def test_a_state_has_not_what_springs_remember_and_that_is_said() -> None:
+    """A block drawn over springs at 1 mm/s: after 8 ms the whole run holds it by 4 k v t; a run that begins from the state at 5 ms by what
+    3 ms stretch; one that goes on from the moment by all of it."""
+    k, v, h = 1e4, 1e-3, 1e-3
+    bodies = [rigid_box("block", (0.2, 0.2, 0.1), (0, 0, 0.05), 1.0), rigid_box("floor", (1, 1, 0.1), (0, 0, -0.05), 1.0)]
+    drawn = [Support("block", ("x",), velocity=v), Support("block", ("y", "rx", "ry", "rz")), Support("floor", HELD)]
+    model = build_model(bodies, supports=drawn, gravity=lambda t: (0.0, 0.0, -9.81))
+    table = Everything(model, 0.5)
+
+    def run(law: Any, steps: int, initial: State | None = None) -> Simulation:
+        return Simulation(model, table, Theta(h, 1.0, law), steps, initial=initial, created=np.inf)
+
+    law = Compliant(Springs(normal=1e6, tangential=k, each=True))
+    whole = list(run(law, 8))
+    word = "what the contact law remembers: tangential springs begin without stretch"
+    again, on = list(run(law, 3, whole[4].state)), list(run(law, 8).run(whole[4].moment))
+    for steps, stretched, said in ((whole, 8, False), (on, 8, False), (again, 3, True)):
+        assert -steps[-1].contact_force_on("block")[0] == pytest.approx(4 * k * v * stretched * h, rel=1e-3)
+        assert [word in remark for step in steps for remark in step.remarks if "remembers" in remark] == [True] * said
+    assert not _said(run(Gap(), 1, whole[4].state), "remembers")
