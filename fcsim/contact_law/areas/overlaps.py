@@ -84,7 +84,7 @@ def areas_of_overlaps(
     parts = np.isin([pair_code, pair_code % count * count + pair_code // count], slaves).astype(np.float64)
     parts /= np.where(parts.sum(axis=0) > 0, parts.sum(axis=0), 1.0)
     parts[:, ~parts.any(axis=0)] = 0.5  # all contacts are of edges
-    shares = _shares(found, sorted_facets, patch_of_pair, parts, n)
+    shares = shares_of(found, sorted_facets, patch_of_pair, parts, n)
     a, place = np.nonzero((weights > 0) & (patch_of_contact >= 0)[:, None])
     key, w = patch_of_contact[a] * n + contacts.nodes[a, place], weights[a, place]
     area, free, missing = _given(shares, now, key, w, a, len(contacts), len(found.area))
@@ -136,7 +136,12 @@ def overlaps_of(
     order = np.lexsort([other, one])
     one, other, between = one[order], other[order], between[order]
     least = _REACH * widest_gap[np.searchsorted(codes, between)] + _FLAT * np.minimum(here.size[one], here.size[other])
-    sides = (kept.nodes >= 0).sum(axis=1)
+    return overlaps_among(now, one, other, least, (kept.nodes >= 0).sum(axis=1)), now, kept
+
+
+def overlaps_among(now: Configuration, one: IntArray, other: IntArray, least: FloatArray, sides: IntArray) -> Segments:
+    """The overlaps of pairs of facets that are no farther apart than `least` (np,) [m]; sides (nf,): numbers of corners."""
+    here = now.slave
     found = _clipped(now, one, other, least, sides)
     lean = np.flatnonzero(np.einsum("pi,pi->p", here.normal[one], here.normal[other]) > -_FLUSH)
     if len(lean):  # measured in the planes of the one or the other: the mean, whichever body is first
@@ -148,7 +153,7 @@ def overlaps_of(
     touched = np.zeros(len(one), dtype=bool)
     touched[found.row] = True
     row = (np.cumsum(touched) - 1)[found.row]
-    return found._replace(slave=one[touched], master=other[touched], area=found.area[touched], row=row), now, kept
+    return found._replace(slave=one[touched], master=other[touched], area=found.area[touched], row=row)
 
 
 def _clipped(now: Configuration, one: IntArray, other: IntArray, least: FloatArray, sides: IntArray) -> Segments:
@@ -205,7 +210,7 @@ def patches_of(
     return patch[where[: len(pair_code)]], of_contact
 
 
-def _shares(found: Segments, facets: Facets, patch: IntArray, parts: FloatArray, n: int) -> _Shares:
+def shares_of(found: Segments, facets: Facets, patch: IntArray, parts: FloatArray, n: int) -> _Shares:
     """What the corners of either body's facets have of the overlaps' areas; parts (2, np) of them are the bodies'."""
     columns: list[tuple[IntArray, IntArray, FloatArray, IntArray, IntArray]] = []
     sides = ((found.slave, found.master, found.phi), (found.master, found.slave, found.psi))
@@ -218,7 +223,7 @@ def _shares(found: Segments, facets: Facets, patch: IntArray, parts: FloatArray,
     return _Shares(*(np.concatenate(column) for column in zip(*columns, strict=True)))
 
 
-def _over(points: FloatArray, geometry: FacetGeometry, facet: IntArray) -> BoolArray:
+def over_facets(points: FloatArray, geometry: FacetGeometry, facet: IntArray) -> BoolArray:
     """Whether points (np, d) are over facets (np,), along their normals."""
     if not len(points):
         return np.zeros(0, dtype=bool)
@@ -244,7 +249,7 @@ def _given(
     total = np.bincount(entry_at, weight, len(known))
     taken = total[share_at] > 0
     without = np.flatnonzero(~taken)
-    inside = _over(now.x[shares.node[without]], now.slave, shares.other[without])
+    inside = over_facets(now.x[shares.node[without]], now.slave, shares.other[without])
     away = ~taken & (np.bincount(share_at[without], inside, len(known)) > 0)[share_at]
     orphan = ~taken & ~away
     held, left = (np.bincount(shares.pair, np.where(which, shares.area, 0.0), pairs) for which in (taken, orphan))
