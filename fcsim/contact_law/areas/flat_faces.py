@@ -8,10 +8,11 @@ theirs to the points of the same two facets. The areas are
     area_k = m_k f(x_k),   f(x) = f_0 + b . x + x . B x   with   sum_k area_k (1, x_k, x_k x_k^T) = int (1, x, x x^T) dA
 
 over all points, x in the overlap's plane from its centre along its principal axes, each over its radius of gyration: the least change of
-the shares in sum_k m_k (f - f_0)^2. On n facets in a row they are Simpson's rules, 1/6, 4/6, 1/6 and 1/8, 3/8, 3/8, 1/8 for two and three:
-joints of rigid bodies turn under a moment as their area does. What the points cannot have (corners alone are all at the overlap's rim)
-stays as it is, and B is scaled down where an area would come near zero. What has a contact changes none of this: as a joint opens each
-contact keeps its area.
+the shares in sum_k m_k (f - f_0)^2; where that would be negative, f is the exponential of such a polynomial, the least change in relative
+entropy. On n facets in a row they are Simpson's rules, 1/6, 4/6, 1/6 and 1/8, 3/8, 3/8, 1/8 for two and three: joints of rigid bodies turn
+under a moment as their area does. What the points cannot have (corners alone are all at the overlap's rim) stays as it is, and b and B are
+scaled down where an area would still come near zero. What has a contact changes none of this: as a joint opens each contact keeps its
+area.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ from fcsim.contact_detection.surfaces import facets as contact_facets
 from fcsim.contact_detection.surfaces.broad_phase import near_facets
 from fcsim.contact_detection.surfaces.facets import Facets
 from fcsim.contact_detection.surfaces.ragged import of_same_key
-from fcsim.contact_law.areas.overlaps import centres_of, over_facets, overlaps_among, shares_of
+from fcsim.contact_law.areas.overlaps import FLUSH, centres_of, clipped, over_facets, shares_of
 
 _ALIGNED = 0.5
 """Faces meet whose normals are within 60 degrees of each other's, and of the contact's."""
@@ -39,8 +40,10 @@ _BESIDE = 1e-3
 """Of a facet's size: how far apart facets may be beside what the faces lean."""
 _KNOWN = 1e-3
 """Of a patch's area: moments are none of its points' below it."""
-_LEAST = 0.1, 0.05
-"""Of f_0: what f keeps at least with b, and with B."""
+_LEAST = 0.05
+"""Of f_0: what f keeps at least."""
+_ROUNDS = 8
+"""Of Newton's method for f = exp(...) in place of a polynomial that would be negative."""
 
 
 class _Faces(NamedTuple):
@@ -118,7 +121,7 @@ def areas_of_flat_faces(
         np.concatenate([given, of_node[away]]),
         np.concatenate([patch_of_contact, known[away] // n]),
     )
-    fitted = points.share * _factors(points, found, faces.now, pair, patches)
+    fitted = _fitted(points, found, faces.now, pair, patches)
     area[own] = np.where(fitted[: len(own)] > 0, fitted[: len(own)], np.nan)
     return area
 
@@ -211,35 +214,87 @@ def _overlaps(codes: IntArray, faces: _Faces) -> Segments:
     order = np.lexsort([other, one])
     one, other, patch = one[order], other[order], patch[order]
     least = reach[patch] + _BESIDE * np.minimum(here.size[one], here.size[other])
-    return overlaps_among(faces.now, one, other, least, (faces.facets.nodes >= 0).sum(axis=1))
+    return _clipped_both_ways(faces, one, other, least)
 
 
-def _factors(points: _Points, found: Segments, now: Configuration, pair: IntArray, patches: int) -> FloatArray:
-    """f (n,) at the points, see the top of this file."""
-    where, gauss = pair[found.row], found.weight
-    middle, centre = centres_of(found, now, pair, patches)
-    arm, at = middle - centre[where], points.patch
-    whole, sums = np.bincount(where, gauss, patches), np.bincount(at, points.share, patches)
-    size, axes = np.linalg.eigh(_summed(where, gauss, arm, arm, patches) / np.maximum(whole, 1e-300)[:, None, None])
+def _clipped_both_ways(faces: _Faces, one: IntArray, other: IntArray, least: FloatArray) -> Segments:
+    """The overlaps of pairs of facets no farther apart than `least` (np,) [m]; of those that lean to each other the mean of what they are
+    in the planes of the one and the other, with the Gauss points of both."""
+    sides, normal = (faces.facets.nodes >= 0).sum(axis=1), faces.now.slave.normal
+    lean = np.flatnonzero(np.einsum("pi,pi->p", normal[one], normal[other]) > -FLUSH)
+    found = clipped(faces.now, one, other, least, sides)
+    if len(lean):
+        back = clipped(faces.now, other[lean], one[lean], least[lean], sides)
+        row = lean[back.row]
+        both = (np.bincount(found.row, minlength=len(one)) > 0) & (np.bincount(row, minlength=len(one)) > 0)
+        weights = [np.where(both[at], 0.5 * weight, weight) for at, weight in ((found.row, found.weight), (row, back.weight))]
+        found = found._replace(
+            row=np.concatenate([found.row, row]),
+            number=np.concatenate([found.number, back.number]),
+            weight=np.concatenate(weights),
+            gap=np.concatenate([found.gap, back.gap]),
+            phi=np.concatenate([found.phi, back.psi]),
+            psi=np.concatenate([found.psi, back.phi]),
+        )
+    touched = np.zeros(len(one), dtype=bool)
+    touched[found.row] = True
+    row = (np.cumsum(touched) - 1)[found.row]
+    return found._replace(slave=one[touched], master=other[touched], area=found.area[touched], row=row)
+
+
+def _fitted(points: _Points, found: Segments, now: Configuration, pair: IntArray, patches: int) -> FloatArray:
+    """The shares (n,) times f, see the top of this file."""
+    at, middle, where = points.patch, *centres_of(found, now, pair, patches)[:1], pair[found.row]
+    tried, begun = points, _change(points, middle, found.weight, where, patches)
+    linear, curved = begun
+    for _ in range(_ROUNDS):
+        low = _below(1.0 + linear + curved, at, patches)
+        if not low.any():
+            break
+        steepest = np.ones(patches)
+        np.maximum.at(steepest, at, np.abs(linear + curved))
+        share = tried.share * np.where(low[at], np.exp((linear + curved) / steepest[at]), 1.0)
+        tried = tried._replace(share=np.maximum(share, _LEAST * points.share))
+        linear, curved = _change(tried, middle, found.weight, where, patches)
+    back = _below(1.0 + linear + curved, at, patches)[at]  # there is no such exponential: the polynomial, scaled down
+    linear, curved = np.where(back, begun[0], linear), np.where(back, begun[1], curved)
+    tried = tried._replace(share=np.where(back, points.share, tried.share))
+    first = 1.0 + linear * _part(np.ones(len(at)), linear, 2 * _LEAST, at, patches)
+    whole, sums = np.bincount(where, found.weight, patches), np.bincount(at, tried.share, patches)
+    scale = np.divide(whole, sums, out=np.zeros(patches), where=sums > 0)[at]
+    return tried.share * scale * (first + curved * _part(first, curved, _LEAST, at, patches))
+
+
+def _below(factor: FloatArray, patch: IntArray, patches: int) -> BoolArray:
+    """Which patches have a factor below `_LEAST`."""
+    low = np.zeros(patches, dtype=bool)
+    low[patch[factor < _LEAST]] = True
+    return low
+
+
+def _change(points: _Points, middle: FloatArray, gauss: FloatArray, where: IntArray, patches: int) -> tuple[FloatArray, FloatArray]:
+    """By how much f differs from f_0, over f_0, at the points (n,): b . x, and what goes with x . B x; Gauss points `middle` (nq, d) of the
+    overlaps with their weights [m^2; 2D: m], of the patches `where` (nq,)."""
+    at, whole, sums = points.patch, np.bincount(where, gauss, patches), np.bincount(points.patch, points.share, patches)
+    share, over = points.share / np.maximum(sums, 1e-300)[at], gauss / np.maximum(whole, 1e-300)[where]
+    arm = middle - _means(middle, over, where, patches)[where]
+    size, axes = np.linalg.eigh(_summed(where, over, arm, arm, patches))
     size, axes = size[:, 1:], axes[:, :, 1:]  # without the normal
     scaled = axes / np.sqrt(np.maximum(size, 1e-12 * np.maximum(size[:, -1:], 1e-300)))[:, None, :]
-    mean_of = np.stack([np.bincount(at, points.share * column, patches) for column in points.place.T], axis=1)
-    mean_of /= np.maximum(sums, 1e-300)[:, None]
-    share, over = points.share / np.maximum(sums, 1e-300)[at], gauss / np.maximum(whole, 1e-300)[where]
-    x, y = (np.einsum("qi,qij->qj", p - mean_of[k], scaled[k]) for p, k in ((points.place, at), (middle, where)))
-    cut = _inverse(_summed(at, share, x, x, patches))
-    mean_y = np.stack([np.bincount(where, over * column, patches) for column in y.T], axis=1)
-    linear = np.einsum("qi,qij,qj->q", x, cut[at], mean_y[at])
-    linear *= _part(1.0, linear, _LEAST[0], at, patches)
-    first = 1.0 + linear
+    mean = _means(points.place, share, at, patches)
+    x, y = (np.einsum("qi,qij->qj", place - mean[k], scaled[k]) for place, k in ((points.place, at), (middle, where)))
+    inverse = _inverse(_summed(at, share, x, x, patches))
+    linear = np.einsum("qi,qij,qj->q", x, inverse[at], _means(y, over, where, patches)[at])
     square, of_gauss = (_squares(z) for z in (x, y))
-    mean = np.stack([np.bincount(at, share * column, patches) for column in square.T], axis=1)
-    along = _summed(at, share, square, x, patches) @ cut
+    mean, along = _means(square, share, at, patches), _summed(at, share, square, x, patches) @ inverse
     square, of_gauss = (q - mean[k] - np.einsum("qij,qj->qi", along[k], z) for q, z, k in ((square, x, at), (of_gauss, y, where)))
-    target = np.stack([np.bincount(where, over * column, patches) for column in of_gauss.T], axis=1)
-    curved = np.einsum("qi,qij,qj->q", square, _inverse(_summed(at, share, square, square, patches))[at], target[at])
-    curved *= _part(first, curved, _LEAST[1], at, patches)
-    return (first + curved) * np.divide(whole, sums, out=np.zeros(patches), where=sums > 0)[at]
+    inverse = _inverse(_summed(at, share, square, square, patches))
+    return linear, np.einsum("qi,qij,qj->q", square, inverse[at], _means(of_gauss, over, where, patches)[at])
+
+
+def _means(values: FloatArray, share: FloatArray, patch: IntArray, patches: int) -> FloatArray:
+    """sum share values (patches, i), of shares whose sum is 1 in each patch."""
+    return np.stack([np.bincount(patch, share * column, patches) for column in values.T], axis=1)
 
 
 def _squares(x: FloatArray) -> FloatArray:
@@ -259,10 +314,10 @@ def _inverse(matrices: FloatArray) -> FloatArray:
     return np.asarray((axes * np.where(size > _KNOWN, 1 / np.maximum(size, _KNOWN), 0.0)[:, None, :]) @ np.swapaxes(axes, 1, 2))
 
 
-def _part(base: FloatArray | float, more: FloatArray, least: float, patch: IntArray, patches: int) -> FloatArray:
+def _part(base: FloatArray, more: FloatArray, least: float, patch: IntArray, patches: int) -> FloatArray:
     """How much (n,) of `more` leaves at least `least` of each patch's factors."""
     part = np.ones(patches)
     down = np.flatnonzero(more < 0)
-    room = (base - least + np.zeros(len(more)))[down]
+    room = (base - least)[down]
     np.minimum.at(part, patch[down], np.maximum(room, 0.0) / np.maximum(-more[down], 1e-300))
     return part[patch]

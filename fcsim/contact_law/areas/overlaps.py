@@ -31,7 +31,7 @@ _ALIGNED = 0.5
 """Facets overlap, and are a contact's, whose normals are within 60 degrees of each other's, and of the contact's."""
 _SMOOTH = np.sqrt(0.5)
 """Neighbours whose normals meet at less than 45 degrees are of one patch."""
-_FLUSH = 0.999
+FLUSH = 0.999
 """Facets lean whose normals are more than 2.6 degrees from each other's."""
 _REACH = 2.0
 """Facets overlap whose distance is not larger than so many times the largest gap of the two bodies' contacts,"""
@@ -136,16 +136,11 @@ def overlaps_of(
     order = np.lexsort([other, one])
     one, other, between = one[order], other[order], between[order]
     least = _REACH * widest_gap[np.searchsorted(codes, between)] + _FLAT * np.minimum(here.size[one], here.size[other])
-    return overlaps_among(now, one, other, least, (kept.nodes >= 0).sum(axis=1)), now, kept
-
-
-def overlaps_among(now: Configuration, one: IntArray, other: IntArray, least: FloatArray, sides: IntArray) -> Segments:
-    """The overlaps of pairs of facets that are no farther apart than `least` (np,) [m]; sides (nf,): numbers of corners."""
-    here = now.slave
-    found = _clipped(now, one, other, least, sides)
-    lean = np.flatnonzero(np.einsum("pi,pi->p", here.normal[one], here.normal[other]) > -_FLUSH)
+    sides = (kept.nodes >= 0).sum(axis=1)
+    found = clipped(now, one, other, least, sides)
+    lean = np.flatnonzero(np.einsum("pi,pi->p", here.normal[one], here.normal[other]) > -FLUSH)
     if len(lean):  # measured in the planes of the one or the other: the mean, whichever body is first
-        back = _clipped(now, other[lean], one[lean], least[lean], sides)
+        back = clipped(now, other[lean], one[lean], least[lean], sides)
         there, first = (np.bincount(by.row, by.weight, n) for by, n in ((back, len(lean)), (found, len(one))))
         factor, both = np.ones(len(one)), (there > 0) & (first[lean] > 0)
         factor[lean[both]] = 0.5 * (1 + there[both] / first[lean[both]])
@@ -153,10 +148,10 @@ def overlaps_among(now: Configuration, one: IntArray, other: IntArray, least: Fl
     touched = np.zeros(len(one), dtype=bool)
     touched[found.row] = True
     row = (np.cumsum(touched) - 1)[found.row]
-    return found._replace(slave=one[touched], master=other[touched], area=found.area[touched], row=row)
+    return found._replace(slave=one[touched], master=other[touched], area=found.area[touched], row=row), now, kept
 
 
-def _clipped(now: Configuration, one: IntArray, other: IntArray, least: FloatArray, sides: IntArray) -> Segments:
+def clipped(now: Configuration, one: IntArray, other: IntArray, least: FloatArray, sides: IntArray) -> Segments:
     """The overlaps of facets that are no farther apart than `least` (np,) [m], measured in the planes of the first; sides (nf,)."""
     if now.x.shape[1] == 3:
         return polygons(now, one, other, least, (sides, sides), THREE_POINTS)
