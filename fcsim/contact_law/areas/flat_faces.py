@@ -259,10 +259,10 @@ def _fitted(points: _Points, found: Segments, now: Configuration, pair: IntArray
     back = _below(1.0 + linear + curved, at, patches)[at]  # there is no such exponential: the polynomial, scaled down
     linear, curved = np.where(back, begun[0], linear), np.where(back, begun[1], curved)
     tried = tried._replace(share=np.where(back, points.share, tried.share))
-    first = 1.0 + linear * _part(np.ones(len(at)), linear, 2 * _LEAST, at, patches)
+    first = 1.0 + linear * np.where(back, _part(np.ones(len(at)), linear, 2 * _LEAST, at, patches), 1.0)
     whole, sums = np.bincount(where, found.weight, patches), np.bincount(at, tried.share, patches)
     scale = np.divide(whole, sums, out=np.zeros(patches), where=sums > 0)[at]
-    return tried.share * scale * (first + curved * _part(first, curved, _LEAST, at, patches))
+    return tried.share * scale * (first + curved * np.where(back, _part(first, curved, _LEAST, at, patches), 1.0))
 
 
 def _below(factor: FloatArray, patch: IntArray, patches: int) -> BoolArray:
