@@ -11,6 +11,7 @@ from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.assembly.model import Model
 from fcsim.brief import brief
 from fcsim.contact_detection.contacts import Contacts
+from fcsim.contact_law.areas.flat_faces import areas_of_flat_faces
 from fcsim.contact_law.areas.overlaps import areas_of_overlaps
 from fcsim.errors import InputError
 from fcsim.mesh.part import Body, RigidBody
@@ -34,6 +35,7 @@ class Proportions:
     thickness (nbodies,) [m] of deformable bodies in 2D; nan: rigid ones, which have none of their own, and in 3D
     rigid     (nbodies,) whether a body is
     reference (n_nodes, d) [m] of the nodes, and first (nbodies,) node of each body
+    both_ways whether either body's nodes have contacts wherever they are near the other one: those without have what is open
     """
 
     size: FloatArray
@@ -42,6 +44,7 @@ class Proportions:
     rigid: BoolArray
     reference: FloatArray
     first: IntArray
+    both_ways: bool = False
     _latest: list[tuple[Contacts, FloatArray, FloatArray]] = field(init=False, repr=False, default_factory=list)
 
     __repr__ = brief
@@ -133,7 +136,11 @@ class Proportions:
         weights[contacts.nodes < 0] = 0.0
         slaves = np.unique(one_way[chosen & ~_crossing(contacts)])
         bodies = np.searchsorted(self.first, self.facets[:, 0], side="right") - 1
-        return areas_of_overlaps(contacts, chosen, weights, slaves, area, positions, self.facets, bodies)
+        given, ways = (positions, self.facets, bodies), None if self.both_ways else slaves
+        flat = areas_of_flat_faces(contacts, chosen & self.between_rigid(contacts), weights, ways, *given)
+        if (chosen := chosen & np.isnan(flat)).any():
+            area = areas_of_overlaps(contacts, chosen, weights, slaves, area, *given)
+        return np.where(np.isnan(flat), area, flat)
 
     def _shared_thickness(self, contacts: Contacts) -> FloatArray:
         """(nc,) [m]; 1 in 3D."""
@@ -211,8 +218,8 @@ def _of_two_passes(contacts: Contacts, area: FloatArray, met: FloatArray, node: 
     return np.where(two, 0.5 * (area + other) * scale, area)
 
 
-def proportions(model: Model) -> Proportions:
-    """Return the proportions of a model's bodies."""
+def proportions(model: Model, both_ways: bool = False) -> Proportions:
+    """Return the proportions of a model's bodies; both_ways: see `Proportions`."""
     size = np.array([_size_of(body) for body in model.bodies])
     facets: list[IntArray] = []
     for body, first in zip(model.bodies, model.node_offset, strict=False):
@@ -222,7 +229,9 @@ def proportions(model: Model) -> Proportions:
     padded = [np.pad(array, ((0, 0), (0, width - array.shape[1])), constant_values=-1) for array in facets]
     rigid = np.array([not isinstance(body, Body) for body in model.bodies])
     thickness = np.array([np.nan if not isinstance(body, Body) or model.dimension == 3 else body.part.thickness for body in model.bodies])
-    return Proportions(size, np.concatenate(padded), thickness, rigid, model.reference, np.asarray(model.node_offset[: len(rigid)]))
+    return Proportions(
+        size, np.concatenate(padded), thickness, rigid, model.reference, np.asarray(model.node_offset[: len(rigid)]), both_ways
+    )
 
 
 def _size_of(body: Body | RigidBody) -> float:

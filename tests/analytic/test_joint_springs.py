@@ -187,9 +187,77 @@ def test_a_box_on_points_of_overlaps_turns_as_winkler_says(facets: tuple[int, in
         assert of_body(step, "up", step.state.x)[4] == pytest.approx(turned, rel=within)
 
 
-@pytest.mark.parametrize(("facets", "ratio", "s"), [((1, 1), 3.0, 1e-3), ((3, 5), 1 + 2 / 9, 1.0), ((5, 5), None, 1e3)])
+@pytest.mark.parametrize(
+    ("facets", "below", "within", "s"), [((3, 5), (1, 1), 0.06, 1e3), ((5, 3), (7, 4), 0.03, 1.0), ((1, 1), (6, 5), 0.1, 1e-3)]
+)
+def test_a_rigid_box_among_everything_turns_as_winkler_says(
+    facets: tuple[int, int], below: tuple[int, int], within: float, s: float
+) -> None:
+    """The same under `Everything`: nodes have the overlap's second moments; in uplift they are few."""
+    k, force, b, length = 1e8 / s**2, 1e3 * s, 0.4 * s, 0.6 * s
+    low = rigid_box("low", (s, s, 0.1 * s), (0.0, 0.0, -0.05 * s), 1.0, (*below, 1))
+    up = rigid_box("up", (length, b, 0.1 * s), (0.0, 0.0, 0.05 * s), 1.0, (*facets, 1))
+    held, law = [Support("low", HELD), Support("up", ("x", "y", "rx", "rz"))], Compliant(Springs(normal=k, tangential=1e-4 * k))
+    for e, turned, off in (
+        (0.05 * s, force * 0.05 * s / (k * b * length**3 / 12), 1e-4),
+        (0.15 * s, 2 * force / (b * (0.45 * s) ** 2 * k), within),
+    ):
+        model = build_model([low, up], supports=held, loads=[Force("up", (0.0, 0.0, -force), (0.0, force * e, 0.0))])
+        rule, scheme = Everything(model, 0.5), QuasiStatic(1.0, 1.0, law)
+        (step,) = Simulation(model, rule, scheme, 1, SolverSettings(tol=1e-10), witness=None)
+        assert of_body(step, "up", step.state.x)[4] == pytest.approx(turned, rel=off)
+
+
+def overlap_of_squares(degrees: float, shift: float) -> tuple[float, float, float]:
+    """Area and second moments about x and y through the centre of what unit squares share, shifted or turned by 45 degrees."""
+    if degrees == 45.0:  # a regular octagon: A (6 R^2 - a^2) / 24 of its side a = sqrt(2) - 1 and outer radius R
+        side = np.sqrt(2) - 1
+        area = 2 * (1 + np.sqrt(2)) * side**2
+        moment = area * (6 * (0.25 + side**2 / 4) - side**2) / 24
+        return area, moment, moment
+    return 1 - shift, (1 - shift) / 12, (1 - shift) ** 3 / 12
+
+
+@pytest.mark.parametrize(("degrees", "shift"), [(0.0, 0.0), (0.0, 0.55), (45.0, 0.0)])
+def test_areas_of_nodes_have_the_moments_of_the_overlap(degrees: float, shift: float) -> None:
+    """Squares shifted, or turned on each other, wherever the two lie in space."""
+    low, up = (rigid_box(n, (1, 1, 0.2), (0, 0, z), 1.0, (m, m, 1)) for n, z, m in (("low", -0.1, 5), ("up", 0.1, 6)))
+    model, a = build_model([low, up]), np.radians(degrees)
+    x, own = model.reference.copy(), model.node_offset[1]
+    x[own:] = x[own:] @ np.array([[np.cos(a), np.sin(a), 0.0], [-np.sin(a), np.cos(a), 0.0], [0.0, 0.0, 1.0]]) + [shift, 0.0, 0.0]
+    turn, _ = np.linalg.qr(np.array([[1.0, 2.0, 3.0], [-2.0, 1.0, 0.5], [0.3, 0.7, -1.0]]))
+    turn *= np.sign(np.linalg.det(turn))
+    found = Everything(model, 0.5)(x @ turn.T)
+    area = proportions(model, both_ways=True).area_at(found, x @ turn.T)
+    arm = found.point @ turn - [0.5 * shift, 0.0, 0.0]
+    whole, about_x, about_y = overlap_of_squares(degrees, shift)
+    assert area.min() > 0
+    assert area.sum() == pytest.approx(whole)
+    assert area @ arm[:, :2] == pytest.approx([0.0, 0.0], abs=1e-9)
+    assert np.einsum("a,ai,aj->ij", area, arm, arm)[:2, :2] == pytest.approx(np.diag([about_y, about_x]), abs=1e-6)
+
+
+@pytest.mark.parametrize("facets", [((1, 1), (6, 6)), ((3, 4), (2, 5)), ((6, 6), (1, 1))])
+def test_areas_of_nodes_do_not_depend_on_what_is_open(facets: tuple[tuple[int, int], tuple[int, int]]) -> None:
+    """A block that tips on its edge: what has a contact still keeps its area."""
+    up = rigid_box("up", (0.6, 0.4, 0.2), (0.0, 0.0, 0.1), 1.0, (*facets[0], 1))
+    low = rigid_box("low", (1.0, 1.0, 0.2), (0.0, 0.0, -0.1), 1.0, (*facets[1], 1))
+    model = build_model([low, up], supports=[Support("low", HELD)])
+    rule, sizes, own = Everything(model, 0.5), proportions(model, both_ways=True), model.node_offset[1]
+    areas = []
+    for angle in (0.0, 0.015, 0.03, 0.1):
+        x, turn = model.reference.copy(), np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+        x[own:, ::2] = (x[own:, ::2] - [0.3, 0.0]) @ turn.T + [0.3, 0.0]
+        found = rule(x)
+        areas.append(dict(zip(found.identity.tolist(), sizes.area_at(found, x).tolist(), strict=True)))
+    assert len(areas[0]) > len(areas[1]) > len(areas[3]) > 1
+    for some in areas[1:]:
+        assert some == pytest.approx({k: areas[0][k] for k in some}, rel=1e-2)
+
+
+@pytest.mark.parametrize(("facets", "ratio", "s"), [((1, 1), 3.0, 1e-3), ((3, 5), None, 1.0), ((5, 5), None, 1e3)])
 def test_springs_at_too_few_nodes_are_named(facets: tuple[int, int], ratio: float | None, s: float) -> None:
-    """Nodes of n facets have 1 + 2 / n^2 of the second moment: said from a tenth on, not of points of overlaps."""
+    """Corners alone have three times the second moment: said from a tenth on, not of points of overlaps."""
     low = rigid_box("low", (s, s, 0.1 * s), (0.0, 0.0, -0.05 * s), 1.0)
     up = rigid_box("up", (0.6 * s, 0.4 * s, 0.1 * s), (0.0, 0.0, 0.05 * s), 1.0, (*facets, 1))
     model = build_model([low, up], supports=[Support("low", HELD)], gravity=lambda t: (0.0, 0.0, -9.81 * s))

@@ -31,7 +31,7 @@ _ALIGNED = 0.5
 """Facets overlap, and are a contact's, whose normals are within 60 degrees of each other's, and of the contact's."""
 _SMOOTH = np.sqrt(0.5)
 """Neighbours whose normals meet at less than 45 degrees are of one patch."""
-_FLUSH = 0.999
+FLUSH = 0.999
 """Facets lean whose normals are more than 2.6 degrees from each other's."""
 _REACH = 2.0
 """Facets overlap whose distance is not larger than so many times the largest gap of the two bodies' contacts,"""
@@ -84,7 +84,7 @@ def areas_of_overlaps(
     parts = np.isin([pair_code, pair_code % count * count + pair_code // count], slaves).astype(np.float64)
     parts /= np.where(parts.sum(axis=0) > 0, parts.sum(axis=0), 1.0)
     parts[:, ~parts.any(axis=0)] = 0.5  # all contacts are of edges
-    shares = _shares(found, sorted_facets, patch_of_pair, parts, n)
+    shares = shares_of(found, sorted_facets, patch_of_pair, parts, n)
     a, place = np.nonzero((weights > 0) & (patch_of_contact >= 0)[:, None])
     key, w = patch_of_contact[a] * n + contacts.nodes[a, place], weights[a, place]
     area, free, missing = _given(shares, now, key, w, a, len(contacts), len(found.area))
@@ -137,10 +137,10 @@ def overlaps_of(
     one, other, between = one[order], other[order], between[order]
     least = _REACH * widest_gap[np.searchsorted(codes, between)] + _FLAT * np.minimum(here.size[one], here.size[other])
     sides = (kept.nodes >= 0).sum(axis=1)
-    found = _clipped(now, one, other, least, sides)
-    lean = np.flatnonzero(np.einsum("pi,pi->p", here.normal[one], here.normal[other]) > -_FLUSH)
+    found = clipped(now, one, other, least, sides)
+    lean = np.flatnonzero(np.einsum("pi,pi->p", here.normal[one], here.normal[other]) > -FLUSH)
     if len(lean):  # measured in the planes of the one or the other: the mean, whichever body is first
-        back = _clipped(now, other[lean], one[lean], least[lean], sides)
+        back = clipped(now, other[lean], one[lean], least[lean], sides)
         there, first = (np.bincount(by.row, by.weight, n) for by, n in ((back, len(lean)), (found, len(one))))
         factor, both = np.ones(len(one)), (there > 0) & (first[lean] > 0)
         factor[lean[both]] = 0.5 * (1 + there[both] / first[lean[both]])
@@ -151,7 +151,7 @@ def overlaps_of(
     return found._replace(slave=one[touched], master=other[touched], area=found.area[touched], row=row), now, kept
 
 
-def _clipped(now: Configuration, one: IntArray, other: IntArray, least: FloatArray, sides: IntArray) -> Segments:
+def clipped(now: Configuration, one: IntArray, other: IntArray, least: FloatArray, sides: IntArray) -> Segments:
     """The overlaps of facets that are no farther apart than `least` (np,) [m], measured in the planes of the first; sides (nf,)."""
     if now.x.shape[1] == 3:
         return polygons(now, one, other, least, (sides, sides), THREE_POINTS)
@@ -205,7 +205,7 @@ def patches_of(
     return patch[where[: len(pair_code)]], of_contact
 
 
-def _shares(found: Segments, facets: Facets, patch: IntArray, parts: FloatArray, n: int) -> _Shares:
+def shares_of(found: Segments, facets: Facets, patch: IntArray, parts: FloatArray, n: int) -> _Shares:
     """What the corners of either body's facets have of the overlaps' areas; parts (2, np) of them are the bodies'."""
     columns: list[tuple[IntArray, IntArray, FloatArray, IntArray, IntArray]] = []
     sides = ((found.slave, found.master, found.phi), (found.master, found.slave, found.psi))
@@ -218,7 +218,7 @@ def _shares(found: Segments, facets: Facets, patch: IntArray, parts: FloatArray,
     return _Shares(*(np.concatenate(column) for column in zip(*columns, strict=True)))
 
 
-def _over(points: FloatArray, geometry: FacetGeometry, facet: IntArray) -> BoolArray:
+def over_facets(points: FloatArray, geometry: FacetGeometry, facet: IntArray) -> BoolArray:
     """Whether points (np, d) are over facets (np,), along their normals."""
     if not len(points):
         return np.zeros(0, dtype=bool)
@@ -244,7 +244,7 @@ def _given(
     total = np.bincount(entry_at, weight, len(known))
     taken = total[share_at] > 0
     without = np.flatnonzero(~taken)
-    inside = _over(now.x[shares.node[without]], now.slave, shares.other[without])
+    inside = over_facets(now.x[shares.node[without]], now.slave, shares.other[without])
     away = ~taken & (np.bincount(share_at[without], inside, len(known)) > 0)[share_at]
     orphan = ~taken & ~away
     held, left = (np.bincount(shares.pair, np.where(which, shares.area, 0.0), pairs) for which in (taken, orphan))
