@@ -31,11 +31,17 @@ MODULES: Mapping[str, Moved] = {
     "fcsim.command_line.bench": Moved("fcsim.command_line.sets.bench"),
     "fcsim.command_line.collection": Moved("fcsim.command_line.sets.collection"),
     "fcsim.command_line.profile": Moved("fcsim.command_line.sets.profile"),
+    "fcsim.contact_detection.general.overlaps": Moved("fcsim.contact_detection.general.overlap.overlaps"),
+    "fcsim.masonry.branch": Moved("fcsim.masonry.histories.branch"),
     "fcsim.mesh.material.orthotropic": Moved("fcsim.mesh.material.linear"),
     "fcsim.mesh.closed_surface": Moved("fcsim.mesh.solids.closed_surface"),
     "fcsim.mesh.rigid_polygon": Moved("fcsim.mesh.solids.rigid_polygon"),
     "fcsim.running.own_files": Moved("fcsim.running.refusals.own_files"),
     "fcsim.running.size": Moved("fcsim.running.refusals.size"),
+    "fcsim.timestep.first_half": Moved("fcsim.timestep.beginning.first_half"),
+    "fcsim.timestep.step_equation.mixing": Moved("fcsim.timestep.step_equation.loops.mixing"),
+    "fcsim.timestep.warm_start": Moved("fcsim.timestep.reactions.warm_start"),
+    "fcsim.view.page.surface": Moved("fcsim.view.joints.surface"),
 }
 """Modules that lie elsewhere since 0.2.0."""
 

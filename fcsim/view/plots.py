@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fcsim.errors import InputError
-from fcsim.running.description import HistoryPlot
+from fcsim.running.description import Column, HistoryPlot
 from fcsim.running.folder import RunFolder
 from fcsim.view.style import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, RED, SKY, figure, legend_below, prefixed, save, styled
 
@@ -52,14 +52,15 @@ def write_plots(run: RunFolder, directory: Path | None = None, *, format: str = 
 
 
 def reaction_plot(run: RunFolder) -> Figure | None:
-    """Reactions [N] against the imposed displacement [m], with the bound; None unless run.json's "plots" names columns that exist.
+    """Reactions [N] against the imposed displacement [m], or over time where run.json's "plots" names none, with the bound; None unless
+    it names columns of reactions that exist.
 
     All with the signs that they have in steps.csv; the bound on the side, or both, to which the reactions go.
     """
-    imposed, bound = run.plots.imposed, run.plots.bound
-    x = None if imposed is None else run.numbers(imposed.column)
+    imposed, bound = run.plots.imposed or Column("t", "time", "s"), run.plots.bound
+    x = run.numbers(imposed.column)
     curves = [(entry, values) for entry in run.plots.reaction if (values := run.numbers(entry.column)) is not None]
-    if imposed is None or x is None or not curves:
+    if x is None or not curves:
         return None
     scale, y_unit = prefixed(curves[0][0].unit or "N", None if bound is None else bound.value, *(values for _, values in curves))
     x_scale, x_unit = prefixed(imposed.unit or "m", x)

@@ -229,6 +229,18 @@ def test_reaction_plot_draws_the_columns_as_they_are(run_directory):
     assert [text.get_text() for text in drawing.legends[0].get_texts()][1] == "horizontal reaction at the top"
 
 
+def test_reactions_of_a_case_that_imposes_nothing_are_drawn_over_time(run_directory):
+    """Gravity alone drives an arch or a pile: its reactions were named and not drawn."""
+    run = open_run(run_directory)
+    drawing = reaction_plot(replace(run, description=replace(run.description, plots=replace(run.plots, imposed=None))))
+    (line, *_), axes = drawing.axes[0].lines, drawing.axes[0]
+    with (run_directory / "steps.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    scale = {"time [s]": 1.0, "time [ms]": 1e3}[axes.get_xlabel()]
+    np.testing.assert_allclose(line.get_xdata(), [scale * float(row["t"]) for row in rows])
+    np.testing.assert_allclose(line.get_ydata(), [1e-3 * float(row["bottom_Rx"]) for row in rows])  # kN
+
+
 @pytest.mark.parametrize(("factor", "sides"), [(1.0, [1.0, -1.0]), (-1.0, [1.0, -1.0]), (1e-9, [1.0])])
 def test_the_bound_is_on_the_sides_of_the_reactions(factor, sides):
     values = factor * np.array([0.0, 3.0, -2.0])
