@@ -84,8 +84,8 @@ def lu_flops(problem: LocalProblem) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Prices:
-    """Seconds on the reference machine, each counted when it is first asked for; problem: as `auto` stores it; counted: the entries of W that
-    are not zero, or W, of which they are counted then."""
+    """Seconds on the reference machine, each counted when it is first asked for; problem: as `auto` stores it; counted: how many entries of
+    W are not zero, or W itself, whose entries are counted then."""
 
     problem: LocalProblem
     counted: int | Delassus
