@@ -15,6 +15,7 @@ import scipy.sparse as sp
 
 from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.assembly.body_factors import BodyFactors
+from fcsim.assembly.kinematics._rigid_kernels import rows_of_blocks
 from fcsim.assembly.model import Model
 from fcsim.assembly.rigid import turned_matrices
 from fcsim.assembly.shares.group_factor import GroupFactor, own_surface, solved_by_each
@@ -186,16 +187,10 @@ class SystemFactor:
         return {k: group.matrices for k, group in enumerate(self._groups) if isinstance(group, BodyFactors)}
 
     def _rigid_block(self) -> sp.csr_array:
-        model, k = self.model, self.rigid_mass.shape[-1]
-        free = model.rigid_free
+        model = self.model
         blocks = self.mass * turned_matrices(model.rigid_axes, self.rigid_mass)
-        blocks = np.where(free[:, :, None] & free[:, None, :], blocks, 0.0)
-        blocks[:, range(k), range(k)] += ~free
-        rigid = sp.csr_array(sp.bsr_array((blocks, np.arange(len(blocks)), np.arange(len(blocks) + 1)), shape=(free.size, free.size)))
-        if model.driven == "eliminated":
-            rigid = sp.csr_array(rigid[free.ravel()][:, free.ravel()])
-        rigid.eliminate_zeros()
-        return rigid
+        indptr, indices, data = rows_of_blocks(np.ascontiguousarray(blocks), model.rigid_free, model.driven == "eliminated")
+        return sp.csr_array((data, indices, indptr), shape=(len(indptr) - 1, len(indptr) - 1))
 
     def apply(self, v: FloatArray) -> FloatArray:
         """Return A v (n_dofs,) over all dofs in world axes, driven ones as they are."""

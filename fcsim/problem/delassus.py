@@ -105,11 +105,19 @@ class Delassus:
         for last, product in self._last:
             if of_one and np.array_equal(last, x):
                 return product.copy()
-        by_blocks = of_one and isinstance(W, sp.bsr_array) and W.blocksize == (3, 3) and len(W.indices) >= 2 * BLOCKS_A_PIECE
-        image: FloatArray = product_by_rows(W, np.zeros(self.size), x) if by_blocks else W @ x
+        image: FloatArray = product_by_rows(W, np.zeros(self.size), x) if of_one and self._in_pieces else W @ x
         if of_one:
             self._last[:] = [(x.copy(), image.copy())]
         return image
+
+    @property
+    def _in_pieces(self) -> bool:
+        """Whether products with a vector are by pieces of block rows, from whatever they are asked for."""
+        return isinstance(self.W, sp.bsr_array) and self.W.blocksize == (3, 3) and len(self.W.indices) >= 2 * BLOCKS_A_PIECE
+
+    def times(self, x: FloatArray) -> FloatArray:
+        """(W + diag(shift)) x for x (m,), with the bits of `affine` without q; that of the last vector is kept where these are `@`'s."""
+        return self @ x if self._in_pieces and x.dtype == np.float64 else self.affine(x, np.zeros_like(x))
 
     def transposed_product(self, x: FloatArray) -> FloatArray:
         """(W + diag(shift))^T x for x (m,) or (m, k)."""

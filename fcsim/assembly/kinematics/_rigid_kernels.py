@@ -150,3 +150,33 @@ def on_bodies(indptr, rows, data, split, body, arm, k, count, elastic, starts, n
                 after, last = (i + 1) % 3, (i + 2) % 3  # of (p - c) x g e_i
                 values[own + 3 + after] += arm[p, last] * g
                 values[own + 3 + last] -= arm[p, after] * g
+
+
+@njit(cache=True)
+def rows_of_blocks(blocks, free, eliminated):
+    """diag(blocks) for blocks (n, k, k) by compressed rows (indptr, indices, data) without zeros: of the free dofs (n, k) alone where the
+    others are eliminated, else with rows of the identity for these."""
+    n, k = free.shape
+    size = int(free.sum()) if eliminated else n * k
+    indptr = np.zeros(size + 1, dtype=np.int64)
+    indices, data = np.empty(n * k * k, dtype=np.int64), np.empty(n * k * k)
+    number = np.empty(k, dtype=np.int64)
+    row, first, stored = 0, 0, 0
+    for a in range(n):
+        for i in range(k):
+            number[i] = first
+            first += 1 if free[a, i] or not eliminated else 0
+        for i in range(k):
+            if free[a, i]:
+                for j in range(k):
+                    if free[a, j] and blocks[a, i, j] != 0.0:
+                        indices[stored], data[stored] = number[j], blocks[a, i, j]
+                        stored += 1
+            elif not eliminated:
+                indices[stored], data[stored] = number[i], 1.0
+                stored += 1
+            else:
+                continue
+            row += 1
+            indptr[row] = stored
+    return indptr, indices[:stored].copy(), data[:stored].copy()

@@ -13,6 +13,8 @@ STICKING = 1e-6
 
 POINTS = 3.0
 """Contacts a pair of bodies from which they may be faces, which three points span: 4 and more in blocks, 1.6 to 2.3 in beds."""
+POINTS_2D = 1.5
+"""Those in the plane, where an edge is spanned by two, and discs touch in one."""
 NEARLY = 0.9
 """Velocities held, over those that there are, from which a bed is nearly held: 0.96 to 1.2 in beds with friction up to 5, 0.8 in beds of
 rocks, 0.45 to 0.85 of spheres of unlike masses."""
@@ -77,6 +79,11 @@ def faces(race: Race) -> bool:
 def held_as_blocks(race: Race) -> bool:
     """Whether edges or faces hold one another, as between bricks, not points, as between grains."""
     return edges(race) or faces(race)
+
+
+def in_blocks(race: Race) -> bool:
+    """Whether most pairs of bodies touch in an edge or a face, be these held or about to slide and part."""
+    return points_a_pair(race) >= (POINTS if race.problem.dimension == 3 else POINTS_2D)
 
 
 def regular(race: Race) -> bool:

@@ -84,10 +84,11 @@ def lu_flops(problem: LocalProblem) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Prices:
-    """Seconds on the reference machine, each counted when it is first asked for; problem: as `auto` stores it."""
+    """Seconds on the reference machine, each counted when it is first asked for; problem: as `auto` stores it; counted: how many entries of
+    W are not zero, or W itself, whose entries are counted then."""
 
     problem: LocalProblem
-    entries: int
+    counted: int | Delassus
     joints: BlockRows | None
     machine: Machine = REFERENCE
 
@@ -96,8 +97,12 @@ class Prices:
         """Those of a problem that is stored as it is eliminated; operator: W as it was given. Where entries in joints are summed when they
         are read the room that there is for them counts: a price is not to have them summed."""
         late = joints is not None and source_of(operator.W) is not None
-        entries = len(joints.indices) * operator.dimension**2 if joints is not None and late else operator.entries
-        return Prices(problem, entries, joints)
+        return Prices(problem, len(joints.indices) * operator.dimension**2 if joints is not None and late else operator, joints)
+
+    @cached_property
+    def entries(self) -> int:
+        """W's entries that are not zero."""
+        return self.counted if isinstance(self.counted, int) else self.counted.entries
 
     @cached_property
     def sweep(self) -> float:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import scipy.sparse as sp
 
-from fcsim.solvers.automatic.closed import closed, held_as_blocks, newton_stays, on_springs, singular_here
+from fcsim.solvers.automatic.closed import closed, held_as_blocks, in_blocks, newton_stays, on_springs, singular_here
 from fcsim.solvers.automatic.expected import NEWTON
 from fcsim.solvers.automatic.race import Race
 
@@ -49,5 +49,5 @@ def proximal_first(race: Race) -> bool:
     if not race.prices.in_velocities or "proximal Newton" in race.options.without:
         return False
     if race.joints is None:
-        return race.warm and held_as_blocks(race)
+        return race.warm and (held_as_blocks(race) or (in_blocks(race) and not on_springs(race)))
     return singular_here(race)

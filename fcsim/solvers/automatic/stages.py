@@ -41,7 +41,7 @@ from fcsim.solvers.automatic.later import (
     interior_leads,
     on_a_path,
 )
-from fcsim.solvers.automatic.nearby import proximal_alone
+from fcsim.solvers.automatic.nearby import first_alone
 from fcsim.solvers.automatic.over_ranks import automatic_over_ranks
 from fcsim.solvers.automatic.pause import run_with_pauses
 from fcsim.solvers.automatic.race import LITTLE, SLOWING, Race, RaceOptions, Runner, ShareOfMonitor, Stage
@@ -335,7 +335,7 @@ def automatic(problem: LocalProblem, r: FloatArray, monitor: Monitor, options: A
         if iterate.status in (Status.SOLVED, Status.TIME_LIMIT):
             return iterate
         problem, r = problem.whole, iterate.r
-    answer, runners = proximal_alone(problem, r, monitor, options, next(stage for stage in STAGES if stage.name == "proximal Newton"))
+    answer, runners = first_alone(problem, r, monitor, options, STAGES)
     if answer is not None:
         return answer
     joints, fitting = problem.delassus.joints_like(last_pattern(monitor.memory)), problem.stored()

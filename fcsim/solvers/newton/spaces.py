@@ -65,7 +65,7 @@ class LocalSpace:
         self.recompute()
 
     def recompute(self) -> None:
-        self._Wr = self._system.operator.affine(self._r, np.zeros_like(self._r))
+        self._Wr = self._system.operator.times(self._r)
         self.u = self._Wr + self._q
         self.exact = True
 

@@ -1,5 +1,7 @@
 """Rigid bodies' arrays: rotations past pi, inertia in the bodies' axes, angular momentum, the factor that follows."""
 
+import itertools
+
 import numpy as np
 import pytest
 import scipy.sparse as sp
@@ -137,3 +139,20 @@ def test_inverse_on_the_free_entries() -> None:
         expected = np.zeros((3, 3))
         expected[block] = np.linalg.inv(matrix[block])
         assert_allclose(inverse, expected, atol=1e-13)
+
+
+@pytest.mark.parametrize("eliminated", [False, True])
+def test_the_mass_matrix_of_rigid_bodies_by_rows(eliminated: bool) -> None:
+    """diag(M_a) on the free dofs, as SciPy makes it; rows of the identity in the place of driven ones where these stay; no zeros."""
+    rng = np.random.default_rng(3)
+    blocks, free = rng.standard_normal((5, 6, 6)), rng.random((5, 6)) < 0.6
+    blocks[:, :3, 3:] = blocks[:, 3:, :3] = 0.0
+    blocks[2], free[3], free[4] = np.diag(np.arange(6.0)), False, True
+    kept = free.ravel()
+    expected = block_diag(*blocks) * np.outer(kept, kept) + np.diag(1.0 - kept)
+    expected = expected[np.ix_(kept, kept)] if eliminated else expected
+    indptr, indices, data = kernels.rows_of_blocks(blocks, free, eliminated)
+    rows = sp.csr_array((data, indices, indptr), shape=expected.shape)
+    assert np.array_equal(rows.toarray(), expected)
+    assert rows.nnz == np.count_nonzero(expected)
+    assert all(np.all(np.diff(indices[begin:end]) > 0) for begin, end in itertools.pairwise(indptr))

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
+import scipy.sparse as sp
 
 from fcsim.bench.families import problems
 from fcsim.problem import GlobalProblem, LocalProblem
@@ -36,6 +38,25 @@ def test_from_a_near_start_proximal_newton_begins_and_w_is_not_made_ready_for_ot
     for start in (near, answer.r):  # an answer takes no iteration
         found = solve(local, "auto", start, memory=Memory.of(np.arange(local.nc)))
         assert found.solved and error_of(local, found.r) <= 1.001e-8 and found.iterations <= (0 if start is answer.r else 30)
+
+
+@pytest.mark.parametrize("family", ["towers", "walls-2D"])
+def test_from_a_near_start_newton_alone_begins_where_joints_have_stiffness(
+    family: str, monkeypatch: pytest.MonkeyPatch, error_of: Measure
+) -> None:
+    rigid = _reduced(family, 200)
+    assert rigid.motion is not None
+    own = np.full(rigid.m, 0.05 * float(np.mean(rigid.delassus.diagonal)))
+    W = sp.bsr_array(sp.csr_array(rigid.W) + sp.diags_array(own), blocksize=(rigid.dimension, rigid.dimension))
+    local = LocalProblem(W, rigid.q, rigid.mu, dimension=rigid.dimension, motion=replace(rigid.motion, W=W, own=own))
+    answer = solve(local, "PPA-NSN-AC", tol=1e-10)
+    near = answer.r * (1 + 1e-4 * np.sin(np.arange(local.m)))
+    assert answer.solved and error_of(local, near) > 1e-7
+    monkeypatch.setattr(LocalProblem, "stored", lambda self: pytest.fail("W is stored anew"))
+    monkeypatch.setattr(stages.methods, "proximal", lambda *_: pytest.fail("proximal Newton begins"))
+    found = solve(local, "auto", near)
+    assert found.solved and error_of(local, found.r) <= 1.001e-8 and 0 < found.iterations <= 12
+    assert "entries" not in local.delassus.__dict__  # counted where they are asked for
 
 
 def test_few_contacts_of_rigid_bodies_pass_the_compiled_front_door_in_steps_too(monkeypatch: pytest.MonkeyPatch, error_of: Measure) -> None:

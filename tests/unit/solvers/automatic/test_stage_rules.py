@@ -132,6 +132,11 @@ def test_newton_keeps_its_systems_for_the_next_steps(changes: dict[str, Any], st
         ({"holds": 1.4, "joints": None, "warm": True}, True),  # faces
         ({"holds": 1.4, "joints": None}, False),
         ({"holds": 1.4, "joints": None, "warm": True, "points": 2.0}, False),  # grains
+        ({"holds": 0.7, "joints": None, "warm": True}, True),  # faces that slide and part
+        ({"holds": 0.7, "joints": None, "warm": True, "regular": True}, False),  # with stiffness
+        ({"holds": 0.7, "joints": None, "warm": True, "points": 2.0, "dimension": 2}, True),  # edges
+        ({"holds": 0.7, "joints": None, "warm": True, "points": 1.0, "dimension": 2}, False),  # discs
+        ({"holds": 0.7, "joints": None, "points": 2.0, "dimension": 2}, False),
     ],
 )
 def test_in_joints_proximal_newton_is_first_where_newton_s_matrix_is_singular(changes: dict[str, Any], is_first: bool) -> None:
@@ -258,8 +263,9 @@ def test_newton_enters(changes: dict[str, Any], needed: float, enters: bool) -> 
     [
         ({}, (), True),
         ({"warm": True}, (), False),
-        ({"warm": True}, ("Newton",), True),
-        ({"warm": True, "holds": 1.1}, (), True),
+        ({"warm": True, "points": 2.0}, ("Newton",), True),
+        ({"warm": True, "points": 2.0, "holds": 1.1}, (), True),
+        ({"warm": True, "holds": 1.1}, (), False),  # blocks: proximal Newton
         (JOINTS, (), False),
         (JOINTS, ("Newton",), True),
         ({**JOINTS, "warm": True}, ("Newton",), False),  # steps of elastic bricks: proximal Newton answers, or nobody
