@@ -62,6 +62,26 @@ def test_the_legs_of_a_spring_are_pressed_together(unit: float, beside: tuple[st
     against(carried(model, 1), touching, most, 0.01)
 
 
+@pytest.mark.parametrize("cells", [1, pytest.param(2, marks=pytest.mark.slow)])
+def test_plates_in_space_are_pressed_together(cells: int) -> None:
+    """The legs of the spring above as plates in space, one cell thick: what is added beyond P* goes through the contact."""
+    L, t, gap, wide, steps = 1.0, 0.05, 0.02, 0.2, 5
+    flat = fork(RUBBER, L, t, gap, 20, cells, plane="stress", elements="Q1-enhanced", thickness=wide)
+    n = len(flat.points)
+    points = np.concatenate([np.insert(flat.points, 2, z, axis=1) for z in (0.0, wide)])
+    surfaces = {name: np.concatenate([edges, edges[:, ::-1] + n], axis=1) for name, edges in flat.surfaces.items()}
+    part = Part(
+        "fork", points, np.concatenate([flat.cells, flat.cells + n], axis=1), "hexahedron", surfaces, RUBBER, elements="Q1-enhanced"
+    )
+    touching = 1.5 * E * (wide * t**3 / 12) * gap / L**3
+    most = 3 * touching
+    loads = [
+        Traction("fork", f"{which} tip", (0, sign * most / (t * wide), 0), lambda s: s) for which, sign in (("upper", -1), ("lower", 1))
+    ]
+    model = build_model([Body("fork", part)], supports=[Support("fork", ("x", "y", "z"), "base")], loads=loads)
+    against(carried(model, 1, steps), touching, most, 0.01)
+
+
 def test_a_split_ring_closes() -> None:
     """Forces P at the ends turn them so that their inner corners meet, at c R, c = 1 - t / 2 R. By Castigliano, M = P R (1 - cos a) less
     N R (c - cos a): int (c - cos)(1 - cos) = 2 pi c + pi and int (c - cos)^2 = 2 pi c^2 + pi over the ring close and hold them."""

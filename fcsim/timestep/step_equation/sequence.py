@@ -151,6 +151,8 @@ def _start(
 
 ROUND = float(np.finfo(np.float64).eps)
 """Tolerances below it are met by nothing."""
+ROUGHEST_ASKED = 1e-6
+"""The largest tolerance that a message advises instead of one that a step's free motion leaves no numbers for."""
 
 
 def _tolerance(tol: float, reduction: Reduction, extent: float, equation: Equation) -> float:
@@ -160,6 +162,8 @@ def _tolerance(tol: float, reduction: Reduction, extent: float, equation: Equati
     if tol * flight < ROUND:
         least = max(flight, 1e-300)
         mend = "a shorter step" if timing.moving else f"a larger eta (about {MET / (tol * least):.0e} times)"
+        if tol < MET / least <= ROUGHEST_ASKED:
+            mend += f", or a larger tolerance, {MET / least:.0e} instead of {tol:.0e}"
         raise Unphysical(
             f"t = {equation.state.t:.6g} s: without contact bodies would move by {1 / least:.3g} times the model's size, {extent:.3g} m, "
             f"in one step; beside that round-off hides penetration. What helps: loads and accelerations in the model's units, {mend}"

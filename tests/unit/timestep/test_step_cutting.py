@@ -3,6 +3,7 @@
 Newton's method with few iterations fails on a load step by its nature: the more the contact status changes, the more it needs.
 """
 
+import re
 from dataclasses import replace
 from typing import Any
 
@@ -148,14 +149,29 @@ def test_refusals(cuttings: int) -> None:
         pressed(QuasiStatic(0.5), 2, 4, cuttings)
 
 
-@pytest.mark.filterwarnings("ignore::RuntimeWarning")
-@pytest.mark.parametrize("gravity", [1e20, 1e200])
-def test_a_flight_beside_which_round_off_hides_everything(gravity: float) -> None:
-    """No tolerance that floats have tells a penetration from such a step's free motion: it is said, not tried for minutes."""
+def cube_under(gravity: float, tol: float, scheme: Scheme) -> Simulation:
     model = build_model(
         [rigid_box("cube", (1, 1, 1), (0, 0, 0.5), 1.0), rigid_box("plane", (4, 4, 1), (0, 0, -0.5), 1.0)],
         supports=[Support("plane", ("x", "y", "z", "rx", "ry", "rz"))],
         gravity=lambda t: (0.0, 0.0, -gravity),
     )
-    with pytest.raises(Unphysical, match=r"bodies would move by .* times the model's size, 4 m, in one step"):
-        list(Simulation(model, Everything(model, 0.5), Theta(1e-2), 2))
+    return Simulation(model, Everything(model, 0.5), scheme, 2, SolverSettings(tol=tol))
+
+
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")
+@pytest.mark.parametrize("gravity", [1e20, 1e200])
+def test_a_flight_beside_which_round_off_hides_everything(gravity: float) -> None:
+    """No tolerance that floats have tells a penetration from such a step's free motion: it is said, not tried for minutes."""
+    with pytest.raises(Unphysical, match=r"bodies would move by .* times the model's size, 4 m, in one step.*a shorter step$"):
+        list(cube_under(gravity, 1e-8, Theta(1e-2)))
+
+
+def test_a_tolerance_that_a_flight_leaves_no_numbers_for() -> None:
+    """What a sharp tolerance alone refuses is mended by another one: that which the message names is enough, and bears the weight."""
+    gravity, scheme = 10.0, QuasiStatic(1.0, eta=1e-4)
+    with pytest.raises(Unphysical, match="or a larger tolerance") as refused:
+        list(cube_under(gravity, 1e-12, scheme))
+    named = re.search(r"larger tolerance, (\S+) instead of 1e-12", str(refused.value))
+    assert named is not None
+    last = list(cube_under(gravity, float(named[1]), scheme))[-1]
+    assert last.contact_force_on("cube")[2] == pytest.approx(gravity, rel=1e-6)
