@@ -45,7 +45,8 @@ def proximal_first(race: Race) -> bool:
     """Whether proximal Newton is the first stage: in joints of rigid bodies whose contacts hold more velocities than these have, be it only
     those that close, so that Newton's matrix is singular, be it at r = 0. Its first iterations there cost no more than a probe of sweeps
     that begin anew, as they do in joints, and bring more, from a warm start as well. Also from a warm start where edges or faces hold one
-    another without joints in W, as in small walls and arches, where it takes one to ten iterations, or slide and part, without stiffness."""
+    another without joints in W, as in small walls and arches, where it takes one to ten iterations, or slide and part, without
+    stiffness."""
     if not race.prices.in_velocities or "proximal Newton" in race.options.without:
         return False
     if race.joints is None:
