@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Protocol
 
+import numpy as np
+
 from fcsim.arrays import FloatArray, IntArray
 from fcsim.contact_detection.contacts import Contacts
 
@@ -38,3 +40,14 @@ class Detection(Protocol):
         contacts; what is farther off than the alert distance but is met on that way is found too. None: nothing moves.
         """
         ...
+
+
+def left_out(detection: object) -> IntArray:
+    """Pairs (n, 2) of different bodies, the lower number first, whose contact the user has taken out of a detection, or of one within it:
+    by `exclude`, or as links stand for it. What a rule of one's own leaves out counts where it has such an attribute `left_out`."""
+    found, within = [np.empty((0, 2), dtype=np.int64)], detection
+    while within is not None:
+        found.append(np.asarray(getattr(within, "left_out", found[0]), dtype=np.int64).reshape(-1, 2))
+        within = getattr(within, "detection", None)
+    pairs: IntArray = np.unique(np.sort(np.concatenate(found), axis=1), axis=0)
+    return pairs[pairs[:, 0] != pairs[:, 1]]

@@ -77,6 +77,10 @@ class _Without:
     def nodes(self) -> IntArray:
         return self.detection.nodes
 
+    @property
+    def left_out(self) -> IntArray:
+        return np.array(sorted(self.pairs), dtype=np.int64).reshape(-1, 2)
+
     def __call__(self, positions: FloatArray, displacement: FloatArray | None = None) -> Contacts:
         found = self.detection(positions, displacement)
         low, high = found.bodies.min(axis=1, initial=1 << 30), found.bodies.max(axis=1, initial=-1)
@@ -87,7 +91,10 @@ class _Without:
 
 
 def without_contact_of(detection: Detection, model: Model, pairs: Iterable[tuple[str, str]]) -> Detection:
-    """The detection without contacts between these pairs of bodies (names): links that hold them stand for what happens there."""
+    """The detection without contacts between these pairs of bodies (names): links that hold them stand for what happens there.
+
+    The witness does not measure their overlap either.
+    """
     expect(model, Model, "without_contact_of, model", MODEL)
     numbers = set()
     for one, other in pairs:

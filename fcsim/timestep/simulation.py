@@ -16,7 +16,7 @@ from fcsim.assembly.kinematics.deformation import DeformationMeasure
 from fcsim.assembly.locking import locking_parts
 from fcsim.assembly.model import Model
 from fcsim.brief import brief, by_fields, shown
-from fcsim.contact_detection import Detection, Everything
+from fcsim.contact_detection import Detection, Everything, left_out
 from fcsim.contact_law.proportions import Proportions, proportions
 from fcsim.errors import InputError, Penetration
 from fcsim.linkage import Linkage
@@ -153,7 +153,8 @@ class Simulation:
     @cached_property
     def watch(self) -> Watch | None:
         """The witness at work, from the initial state on; InputError where it refuses that."""
-        return None if self.witness is None else begin(self.witness, self.model, (self.initial or at_rest(self.model, h=self.scheme.h)).x)
+        start = self.initial or at_rest(self.model, h=self.scheme.h)
+        return None if self.witness is None else begin(self.witness, self.model, start.x, left_out(self.detector))
 
     @property
     def notes(self) -> tuple[str, ...]:

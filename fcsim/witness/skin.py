@@ -45,6 +45,7 @@ class Skins(NamedTuple):
     first_vertex, first_edge (nbodies + 1,); begin, end, child, roots: the trees, see `_distance_kernels`, roots -1 without a skin
     size (nbodies,) [m]: smallest extent in the reference configuration; infinity without a skin; closed (nbodies,)
     movable (nbodies,): not held completely by supports; exact: the bodies of exact shape; folding: the bodies that may overlap themselves
+    without (n,): pairs of bodies whose overlap is not measured, lower * nbodies + higher
     modulus: points with the same number modulo this are one node, as in 2D its three in the prism
     """
 
@@ -66,6 +67,7 @@ class Skins(NamedTuple):
     exact: ExactBodies
     modulus: int
     folding: Folding = NONE
+    without: IntArray = np.empty(0, dtype=np.int64)
 
     def forest(self, positions: FloatArray) -> Forest:
         """The trees at the nodes' positions (n_nodes, d) [m]."""

@@ -31,7 +31,8 @@ class Witness:
     stop       whether a run ends with `fcsim.errors.Penetration` where more is seen; else it is only recorded
 
     A body is witnessed where its skin is closed: a deformable one always, a rigid one where its named surfaces enclose it; the notes of a
-    run name the others. Two bodies that supports hold completely may overlap. Deformable bodies are witnessed with themselves, too.
+    run name the others. Two bodies that supports hold completely may overlap, and two whose
+    contact is left out, see `fcsim.contact_detection.left_out`. Deformable bodies are witnessed with themselves, too.
     """
 
     every: int = 10
@@ -63,11 +64,16 @@ class Watch:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What the summary of a run says: the bodies that are not witnessed."""
-        unseen = [body.name for body, closed in zip(self.model.bodies, self.skins.closed, strict=True) if not closed]
-        if not unseen:
-            return ()
-        return (f"overlap is not witnessed at {_list(unseen)}: surfaces that do not enclose the body",)
+        """What the summary of a run says: the bodies, and pairs of them, that are not witnessed."""
+        names, said = [body.name for body in self.model.bodies], []
+        unseen = [name for name, closed in zip(names, self.skins.closed, strict=True) if not closed]
+        if unseen:
+            said.append(f"overlap is not witnessed at {_list(unseen)}: surfaces that do not enclose the body")
+        if pairs := [tuple(names[k] for k in divmod(int(key), len(names))) for key in self.skins.without[: _NAMED]]:
+            more = len(self.skins.without) - len(pairs)
+            listed = ", ".join(f"{one!r} and {other!r}" for one, other in pairs) + (f" and {more} more pairs" if more else "")
+            said.append(f"overlap is not witnessed between {listed}: their contact is left out")
+        return tuple(said)
 
     def look(self, x: FloatArray) -> Overlap:
         """The overlap in the configuration x (n_dofs,): of the pair that exceeds what it is allowed most, relative to its size."""
@@ -115,12 +121,15 @@ class Watch:
         )
 
 
-def begin(witness: Witness, model: Model, x: FloatArray) -> Watch:
-    """Return the watch over a model from its initial configuration x (n_dofs,) on.
+def begin(witness: Witness, model: Model, x: FloatArray, without: IntArray | None = None) -> Watch:
+    """Return the watch over a model from its initial configuration x (n_dofs,) on; without (n, 2): pairs of bodies, the lower number
+    first, that may lie in each other, as what joins them stands for their contact.
 
     InputError naming bodies that overlap there by more than the witness bears, and bodies whose surfaces face inwards.
     """
     skins = skins_of(model)[0]
+    if without is not None:
+        skins = skins._replace(without=without[:, 0] * len(model.bodies) + without[:, 1])
     watch = Watch(witness, model, skins, measure(skins, model.positions(x), RESOLUTION * witness.tolerance, thorough=True))
     watch.refuse()
     return watch

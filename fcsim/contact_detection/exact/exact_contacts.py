@@ -118,6 +118,11 @@ class ExactContacts:
         return self.model.n_nodes
 
     @property
+    def left_out(self) -> IntArray:
+        """The pairs of bodies (n, 2) that are excluded."""
+        return np.stack(np.divmod(self.excluded, len(self.together)), axis=1)
+
+    @property
     def nodes(self) -> IntArray:
         """Sorted numbers of the nodes that contacts can touch."""
         own = [] if self.meshed is None else [self._meshed_nodes[self.meshed.nodes]]

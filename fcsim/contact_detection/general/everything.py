@@ -128,6 +128,11 @@ class Everything:
         return self.model.n_nodes
 
     @property
+    def left_out(self) -> IntArray:
+        """The pairs of bodies (n, 2) that are excluded."""
+        return np.stack(np.divmod(self.excluded, self.skin.n_bodies), axis=1)
+
+    @property
     def reference_normals(self) -> FloatArray:
         """Unit normals (nf, 3) of the skin's facets in the reference configuration."""
         return self._reference.normal

@@ -8,6 +8,8 @@ import pytest
 from fcsim import (
     Body,
     Detector,
+    Everything,
+    ExactContacts,
     Gap,
     InputError,
     Material,
@@ -20,10 +22,11 @@ from fcsim import (
     Witness,
     build_model,
     contact_surface,
+    without_contact_of,
 )
 from fcsim.assembly.layout import DIRECTIONS
 from fcsim.errors import Penetration
-from fcsim.mesh import Part, brick, rigid_box
+from fcsim.mesh import Part, brick, rigid_box, rigid_capsule
 
 STONE = Material(1e9, 0.2, 2000.0)
 
@@ -125,3 +128,27 @@ def test_open_surfaces_are_noted() -> None:
 def test_bad_settings_are_refused(wrong: dict[str, object]) -> None:
     with pytest.raises(InputError, match=f"Witness, {next(iter(wrong))}: expected"):
         Witness(**wrong)  # type: ignore[arg-type]
+
+
+def test_bodies_whose_contact_is_left_out_may_lie_in_each_other() -> None:
+    """Capsules of a chain that share an end overlap by their radius, in each other's ball of 2 cm: by how a detection is told, not by
+    which; what is not told is still refused."""
+    places = (0.0, 0.1, 0.2)
+    links = [rigid_capsule(f"link {k}", 0.02, 0.1, (x, 0.0, 0.0), 1.0, axis=(1, 0, 0)) for k, x in enumerate(places)]
+    model = build_model(links)
+    pairs = [("link 0", "link 1"), ("link 2", "link 1")]
+    told = ExactContacts(model, 0.0, exclude=pairs)
+    for detector in (told, without_contact_of(ExactContacts(model, 0.0, exclude=pairs[:1]), model, pairs[1:])):
+        run = Simulation(model, detector, Theta(1e-3), 1)
+        (step,) = run
+        assert step.overlap is not None and step.overlap.bodies is None
+        assert run.notes[-1].endswith("not witnessed between 'link 0' and 'link 1', 'link 1' and 'link 2': their contact is left out")
+    with pytest.raises(InputError, match="'link 1' and 'link 2' by"):
+        list(Simulation(model, ExactContacts(model, 0.0, exclude=pairs[:1]), Theta(1e-3), 1))
+
+
+def test_meshed_bodies_whose_contact_is_left_out_may_lie_in_each_other() -> None:
+    model = build_model([rigid_box(name, (0.2, 0.2, 0.2), (x, 0, 0), 1.0) for name, x in (("c", 0.0), ("b", 0.1), ("a", 0.25))])
+    with pytest.raises(InputError, match="'c' and 'b' by") as refused:
+        list(Simulation(model, Everything(model, 0.0, exclude=[("a", "b")]), Theta(1e-3), 1))
+    assert "'a'" not in str(refused.value)
