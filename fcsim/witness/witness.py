@@ -69,7 +69,7 @@ class Watch:
         unseen = [name for name, closed in zip(names, self.skins.closed, strict=True) if not closed]
         if unseen:
             said.append(f"overlap is not witnessed at {_list(unseen)}: surfaces that do not enclose the body")
-        if pairs := [tuple(names[k] for k in divmod(int(key), len(names))) for key in self.skins.without[: _NAMED]]:
+        if pairs := [tuple(names[k] for k in divmod(int(key), len(names))) for key in self.skins.without[:_NAMED]]:
             more = len(self.skins.without) - len(pairs)
             listed = ", ".join(f"{one!r} and {other!r}" for one, other in pairs) + (f" and {more} more pairs" if more else "")
             said.append(f"overlap is not witnessed between {listed}: their contact is left out")

@@ -20,6 +20,7 @@ from fcsim.timestep.remarks.of_laws.rolled_on import RolledOn
 from fcsim.timestep.remarks.of_laws.struck_together import struck_together
 from fcsim.timestep.remarks.of_laws.turned_slip import turned_slip
 from fcsim.timestep.remarks.of_shapes.chords import Chords
+from fcsim.timestep.remarks.of_shapes.few_facets import FewFacets
 from fcsim.timestep.remarks.spinning import spinning
 from fcsim.timestep.step import Step
 
@@ -30,7 +31,7 @@ class StepRemarks:
     def __init__(self, detection: Detection, steps: int) -> None:
         self._detection, self._steps, self._snapping, self._inertia = detection, steps, Snapping(), LumpedInertia()
         self._buckled, self._carried, self._chords = Buckled(), CarriedRound(), Chords(detection, steps)
-        self._rolled = RolledOn()
+        self._rolled, self._few = RolledOn(), FewFacets(detection, steps)
 
     def __call__(self, step: Step, found: Deformation, when: str, said: frozenset[str]) -> dict[str, str]:
         """Remarks by kind, of those kinds that are not among the `said`."""
@@ -50,4 +51,5 @@ class StepRemarks:
             | self._rolled(step, found, when, said)
             | self._carried(step, found, when, said)
             | self._chords(step, when, said)
+            | self._few(step, when, said)
         )

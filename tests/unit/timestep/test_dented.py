@@ -49,3 +49,22 @@ def test_fine_facets_and_shallow_dents_are_silent() -> None:
     """Facets of 0.05 R (diagonals 0.07), whose vertices bear; and a dent of 5e-5 R, narrower (a = 0.007 R) than a facet of 0.2 R."""
     assert said("sphere", 0.05, 0.01, cells=10) == []
     assert said("sphere", 0.2, 5e-5) == []
+
+
+def told(depth: float, steps: int = 1) -> list[tuple[int, float]]:
+    """Steps and numbers of facets in the remarks on a sphere of radius 1 that touches few facets of 0.05."""
+    run = pressed("sphere", 0.05, depth, 0.0, 6, steps)
+    found = [(step.number, text) for step in run for text in step.remarks if "too few to tell" in text]
+    assert all(text.startswith(f"step {number}, ") and "'ball' touches 'slab' within 0.0" in text for number, text in found)
+    return [(number, float(text.split("which is ")[1].split(" of")[0])) for number, text in found]
+
+
+def test_few_facets_in_a_contact_are_said() -> None:
+    """H. Hertz 1881: a = sqrt(R d) is 1.25 facets, d the depth; the outermost vertex that bears is less than a facet from there."""
+    ((number, facets),) = told(0.0625**2, 2)
+    assert number == 2 and abs(facets - 1.25) < 0.5
+
+
+def test_a_contact_that_grows_beyond_few_facets_is_not_named_nor_a_single_touch() -> None:
+    """Two load steps, 1.8 facets in the radius and 2.5; and one vertex that touches, a = 0.2 facets."""
+    assert told(0.125**2, 2) == [] == told(1e-4)
