@@ -30,11 +30,11 @@ class Pressed(NamedTuple):
 class FewFacets:
     """The remark on the first sphere that pressed a deformable body most with fewer than `FEWEST` facets in the radius of the contact.
 
-    The radius is that of the outermost contact that bears, by the angle between its normal and that of the body's
-    surface below the sphere, undeformed, or, where a body has turned, the direction of the resultant: so that halves and quarters of
-    a contact between planes of symmetry are measured from their axis. A facet is as long as the side of a square made of two triangles of the skin. One
-    contact alone, a first touch, says nothing. What grows is small at first: the step in which a pair's force is largest is told of, in
-    the last one.
+    The radius is that of the outermost contact that bears, by the angle between its normal and that of the body's surface below the sphere,
+    undeformed, or, where a body has turned, the direction of the resultant: so that halves and quarters of a contact between planes of
+    symmetry are measured from their axis. A facet is as long as the side of a square made of two triangles of the skin. One contact
+    alone, a first touch, says nothing. What grows is small at first: the step in which a pair's force is largest is told of, in the
+    last one.
     """
 
     def __init__(self, detection: Detection, steps: int) -> None:
