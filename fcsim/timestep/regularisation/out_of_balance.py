@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from fcsim.arrays import FloatArray
@@ -13,19 +11,19 @@ from fcsim.timestep.quasi_static import QuasiStatic
 from fcsim.timestep.step import Step
 
 ON_THE_WAY, AT_THE_END = 0.2, 0.02
-"""Share of the forces on a body from which on it is named, while loads grow and in the last step of a run."""
+"""Share of the forces that a body bears from which on it is named, while loads grow and in the last step of a run."""
 
 SEEN = 1e-4
-"""Of the forces on a body: from which share on it is asked, too, what share of their work the mass takes, which says how much less the body
-gives way. Clamps press by many times the load that bends what they hold, and do no work."""
+"""Of the forces that a body bears: from which share on it is asked, too, what share of their work the mass takes, which says how much less
+the body gives way. Clamps press by many times the load that bends what they hold, and do no work."""
 
 NONE = 1e-6
-"""Of the largest forces on a body of the model: bodies with less are asked relative to that."""
+"""Of the largest forces that a body of the model bears: bodies with less are asked relative to that."""
 
 
 def out_of_balance(step: Step, steps: int, when: str, said: frozenset[str]) -> dict[str, str]:
-    """The remark, by its kind, on the body of which eta / h^2 M dx carries the largest share of the forces on it, or takes that of their
-    work; steps: of the run."""
+    """The remark, by its kind, on the body of which eta / h^2 M dx carries the largest share of the forces that it bears, or takes that
+    of their work; steps: of the run."""
     scheme, last = step.scheme, step.number == steps
     kind = "out of balance at the end" if last else "out of balance"
     if not isinstance(scheme, QuasiStatic) or not scheme.eta or kind in said:
@@ -47,17 +45,19 @@ def out_of_balance(step: Step, steps: int, when: str, said: frozenset[str]) -> d
 
 
 def _shares(step: Step, scheme: QuasiStatic) -> tuple[FloatArray, FloatArray]:
-    """(nb,) Sum of the sizes of eta / h^2 M dx on a body's free dofs over that of the forces on it; moments over the body's size.
+    """(nb,) Sum of the sizes of eta / h^2 M dx on a body's free dofs over what the body bears: half the sum of the sizes of all forces on
+    it, that of the mass too, since action and reaction balance; of forces or of moments over the body's size, the larger.
 
     And (nb,) the work dx . (eta / h^2 M dx) over that of the forces, sums of sizes too: of (K + R) dx = f the share by which dx . f is too
     small. Rigid bodies do not give way: 0.
     """
     model, x = step.model, step.state.x
     begin = model.dof_offset[:-1]
-    weight = np.ones(model.n_dofs)
+    weights = np.stack([np.ones(model.n_dofs), np.zeros(model.n_dofs)])  # of forces, of moments
     for first, end, body in zip(begin.tolist(), model.dof_offset[1:].tolist(), model.bodies, strict=True):
         if first >= model.n_elastic:
-            weight[first + model.dimension : end] = 1 / max(float(np.ptp(body.points, axis=0).max(initial=0.0)), 1e-300)
+            size = max(float(np.ptp(body.points, axis=0).max(initial=0.0)), 1e-300)
+            weights[:, first + model.dimension : end] = [[0.0], [1 / size]]
     dx = scheme.h * step.state.v
     inertia = scheme.eta / scheme.h**2 * model.apply_mass(dx, model.rigid_mass(step.previous.x))
     inertia -= model.driven_share(inertia)
@@ -67,14 +67,14 @@ def _shares(step: Step, scheme: QuasiStatic) -> tuple[FloatArray, FloatArray]:
     contact[rigid:] = np.abs(step.H)[rigid:] @ np.abs(step.reaction)
     if step.linked is not None and step.result.multiplier is not None:
         acting.append(step.linked.G @ step.result.multiplier)
-    forces = [acting[0], contact, *acting[2:]]
-    work = _relative([np.add.reduceat(np.abs(dx * force), begin) for force in (inertia, *acting)])
+    works = [np.add.reduceat(np.abs(dx * force), begin) for force in (inertia, *acting)]
+    work = _relative(works[0], np.maximum.reduce(works))
     work[begin >= model.n_elastic] = 0.0
-    return _relative([np.add.reduceat(weight * np.abs(force), begin) for force in (inertia, *forces)]), work
+    sizes = [np.add.reduceat(weights * np.abs(force), begin, axis=1) for force in (inertia, acting[0], contact, *acting[2:])]
+    return _relative(sizes[0].max(axis=0), 0.5 * np.sum(sizes, axis=0).max(axis=0)), work
 
 
-def _relative(sums: Sequence[FloatArray]) -> FloatArray:
-    """(nb,) The first of the sums (nb,) over the largest."""
-    size = np.maximum.reduce(sums)
+def _relative(own: FloatArray, size: FloatArray) -> FloatArray:
+    """(nb,) own (nb,) over size (nb,)."""
     size = np.maximum(size, NONE * float(size.max(initial=0.0)))
-    return np.divide(sums[0], size, out=np.zeros_like(size), where=size > 0)
+    return np.divide(own, size, out=np.zeros_like(size), where=size > 0)
