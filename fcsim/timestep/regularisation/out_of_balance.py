@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 
 from fcsim.arrays import FloatArray
 from fcsim.assembly.kinematics.following import When
+from fcsim.assembly.model import Model
 from fcsim.timestep.energy import pushing
 from fcsim.timestep.quasi_static import QuasiStatic
 from fcsim.timestep.step import Step
@@ -45,8 +48,9 @@ def out_of_balance(step: Step, steps: int, when: str, said: frozenset[str]) -> d
 
 
 def _shares(step: Step, scheme: QuasiStatic) -> tuple[FloatArray, FloatArray]:
-    """(nb,) Sum of the sizes of eta / h^2 M dx on a body's free dofs over what the body bears: half the sum of the sizes of all forces on
-    it, that of the mass too, since action and reaction balance; of forces or of moments over the body's size, the larger.
+    """(nb,) What eta / h^2 M dx carries on a body's free dofs over what the body bears: half the sum of the sizes of all forces on it,
+    that of the mass too, since action and reaction balance; of forces or of moments over the body's size, the larger. The mass carries the
+    sum of its sizes where others balance it, half of that where it balances itself.
 
     And (nb,) the work dx . (eta / h^2 M dx) over that of the forces, sums of sizes too: of (K + R) dx = f the share by which dx . f is too
     small. Rigid bodies do not give way: 0.
@@ -71,7 +75,26 @@ def _shares(step: Step, scheme: QuasiStatic) -> tuple[FloatArray, FloatArray]:
     work = _relative(works[0], np.maximum.reduce(works))
     work[begin >= model.n_elastic] = 0.0
     sizes = [np.add.reduceat(weights * np.abs(force), begin, axis=1) for force in (inertia, acting[0], contact, *acting[2:])]
-    return _relative(sizes[0].max(axis=0), 0.5 * np.sum(sizes, axis=0).max(axis=0)), work
+    own, soft = sizes[0].max(axis=0), len(model.deformable)
+    own[:soft] = np.minimum(own[:soft], 0.5 * (own[:soft] + _resultant(model, x, inertia)))
+    return _relative(own, 0.5 * np.sum(sizes, axis=0).max(axis=0)), work
+
+
+def _resultant(model: Model, x: FloatArray, force: FloatArray) -> FloatArray:
+    """(n_deformable,) The sizes of what a force (n_dofs,) on a body sums to and of its moment about the body's middle, over a third of its
+    length: of eta / h^2 M dx of a rigid motion the sum of its sizes."""
+    d, first = model.dimension, model.node_offset[: len(model.deformable)]
+    if not len(first):
+        return np.zeros(0)
+    f, places = force[: model.n_elastic].reshape(-1, d), x[: model.n_elastic].reshape(-1, d)
+    places = model.reference[: len(places)] + places
+    low, high = np.minimum.reduceat(places, first), np.maximum.reduceat(places, first)
+    arms = places - np.repeat(0.5 * (low + high), np.diff([*first, len(places)]), axis=0)
+    size = np.abs(np.add.reduceat(f, first)).sum(axis=1)
+    for i, j in itertools.combinations(range(d), 2):
+        moment = np.add.reduceat(arms[:, i] * f[:, j] - arms[:, j] * f[:, i], first)
+        size += 3 * np.abs(moment) / (high - low)[:, [i, j]].max(axis=1)
+    return size
 
 
 def _relative(own: FloatArray, size: FloatArray) -> FloatArray:
