@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator
 
 import numpy as np
@@ -45,6 +46,26 @@ def proposed_eta(model: Model, number: int, h: float) -> float | None:
         if number in group.members and isinstance(group.K, sp.csr_array) and isinstance(group.M, sp.csr_array):
             mass, stiffness = float(group.M.diagonal().sum()), float(group.K.diagonal().sum())
             return FAINT * h**2 * stiffness / mass if mass > 0 and stiffness > 0 else None
+    return None
+
+
+def stretching_quotient(model: Model, number: int) -> float | None:
+    """[1/s^2] The least u . K u / u . M u of stretches u = x_i e_i - x_j e_j of a deformable body about its middle, which keep its volume:
+    4 G / (rho (<x_i^2> + <x_j^2>)), whatever the cells; None of one that ranks have together or without mass.
+
+    Dead loads that press with p take p / (rho (<x_i^2> + <x_j^2>)) of eta / h^2 from turns of the body, p / (4 G) of the quotient.
+    """
+    for group in model.groups:
+        if number in group.members and isinstance(group.K, sp.csr_array) and isinstance(group.M, sp.csr_array):
+            x = model.bodies[number].points
+            x, quotients = x - x.mean(axis=0), []
+            for i, j in itertools.combinations(range(model.dimension), 2):
+                mode = np.zeros_like(x)
+                mode[:, i], mode[:, j] = x[:, i], -x[:, j]
+                u = mode.ravel()
+                stiffness, mass = float(u @ (group.K @ u)), float(u @ (group.M @ u))
+                quotients += [stiffness / mass] if mass > 0 and stiffness > 0 else []
+            return min(quotients, default=None)
     return None
 
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from fcsim.assembly.floating import floating, nodal_stiffness, proposed_eta
+from fcsim.assembly.floating import floating, nodal_stiffness, proposed_eta, stretching_quotient
 from fcsim.assembly.model import Model
 from fcsim.assembly.shares.group_factor import FAINT
 from fcsim.mesh.material.by_region import AnyMaterial, ByRegion
@@ -22,8 +22,10 @@ an answer it may hide it up to the proposed one: a steel block between two plate
 a rigid ball of 1 kg between two plates of 1 GPa at 4e-8 at 1e-2 of it in the plane, at 2e-8 at 1e-3 in space."""
 NEAR = 1e-6  # an error that stagnates below it is round-off's
 TENFOLD = 10.0  # of the eta of linear bodies: problems within Newton's method on nonlinear ones are solved to 1e-9 for 1e-8
-PRESSED = 1e-2
-"""Of a body's stiffness: an eta / h^2 M that bears what loads of some percent of its modulus do to a body that turns."""
+PRESSED = (2e-3, 6e-3, 2e-2, 6e-2, 0.2, 0.6)
+"""Of a body's `stretching_quotient`, in turn: eta / h^2 that bears what loads of about a percent of its shear modulus do to a body that
+turns, and more. A billet at its yield stress, 1e-3 E, needs 1e-3; ten times as much bears a tenth of the forces while plates move on."""
+ROUNDED = 1.6  # an eta is named by one digit
 
 
 def doubts(
@@ -53,13 +55,19 @@ def doubts(
             f"holds, and round-off {'hides' if scheme.eta < HIDDEN * eta else 'may hide'} it: try eta = {eta:.0e}"
         )
     yield from _faint_beside(model, scheme, near)
-    pressed = [(eta, number) for eta, number in loose if any(number in group.members and group.finite for group in model.groups)]
-    if pressed and scheme.eta < PRESSED / FAINT * max(pressed)[0]:
-        eta, number = max(pressed)
+    soft = {number for group in model.groups if group.finite for number in group.members.tolist()}
+    yield from _unstable(model, scheme, [number for _, number in loose if number in soft])
+
+
+def _unstable(model: Model, scheme: QuasiStatic, numbers: Sequence[int]) -> Iterator[str]:
+    """Of bodies of finite strain that only contact holds: the next larger mass that may bear what makes them unstable."""
+    least, number = max(((stretching_quotient(model, number) or 0.0, number) for number in numbers), default=(0.0, -1))
+    larger = [eta for share in PRESSED if (eta := share * scheme.h**2 * least) > ROUNDED * scheme.eta]
+    if larger:
         yield (
             f"where body {model.bodies[number].name!r}, which only contact holds, has lost its stiffness: loads that press it make it "
-            f"unstable, and its mass has to bear that until contact does: try eta = {PRESSED / FAINT * eta:.0e} and steps in which "
-            "loads stand"
+            f"unstable, and its mass has to bear that until contact does: try eta = {larger[0]:.0e} and steps in which loads stand; "
+            "what is too large is said with the share of the forces that it carries"
         )
 
 

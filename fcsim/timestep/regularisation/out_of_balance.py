@@ -2,30 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import itertools
 
 import numpy as np
 
 from fcsim.arrays import FloatArray
 from fcsim.assembly.kinematics.following import When
+from fcsim.assembly.model import Model
 from fcsim.timestep.energy import pushing
 from fcsim.timestep.quasi_static import QuasiStatic
 from fcsim.timestep.step import Step
 
 ON_THE_WAY, AT_THE_END = 0.2, 0.02
-"""Share of the forces on a body from which on it is named, while loads grow and in the last step of a run."""
+"""Share of the forces that a body bears from which on it is named, while loads grow and in the last step of a run."""
 
 SEEN = 1e-4
-"""Of the forces on a body: from which share on it is asked, too, what share of their work the mass takes, which says how much less the body
-gives way. Clamps press by many times the load that bends what they hold, and do no work."""
+"""Of the forces that a body bears: from which share on it is asked, too, what share of their work the mass takes, which says how much less
+the body gives way. Clamps press by many times the load that bends what they hold, and do no work."""
 
 NONE = 1e-6
-"""Of the largest forces on a body of the model: bodies with less are asked relative to that."""
+"""Of the largest forces that a body of the model bears: bodies with less are asked relative to that."""
 
 
 def out_of_balance(step: Step, steps: int, when: str, said: frozenset[str]) -> dict[str, str]:
-    """The remark, by its kind, on the body of which eta / h^2 M dx carries the largest share of the forces on it, or takes that of their
-    work; steps: of the run."""
+    """The remark, by its kind, on the body of which eta / h^2 M dx carries the largest share of the forces that it bears, or takes that
+    of their work; steps: of the run."""
     scheme, last = step.scheme, step.number == steps
     kind = "out of balance at the end" if last else "out of balance"
     if not isinstance(scheme, QuasiStatic) or not scheme.eta or kind in said:
@@ -47,17 +48,20 @@ def out_of_balance(step: Step, steps: int, when: str, said: frozenset[str]) -> d
 
 
 def _shares(step: Step, scheme: QuasiStatic) -> tuple[FloatArray, FloatArray]:
-    """(nb,) Sum of the sizes of eta / h^2 M dx on a body's free dofs over that of the forces on it; moments over the body's size.
+    """(nb,) What eta / h^2 M dx carries on a body's free dofs over what the body bears: half the sum of the sizes of all forces on it,
+    that of the mass too, since action and reaction balance; of forces or of moments over the body's size, the larger. The mass carries the
+    sum of its sizes where others balance it, half of that where it balances itself.
 
     And (nb,) the work dx . (eta / h^2 M dx) over that of the forces, sums of sizes too: of (K + R) dx = f the share by which dx . f is too
     small. Rigid bodies do not give way: 0.
     """
     model, x = step.model, step.state.x
     begin = model.dof_offset[:-1]
-    weight = np.ones(model.n_dofs)
+    weights = np.stack([np.ones(model.n_dofs), np.zeros(model.n_dofs)])  # of forces, of moments
     for first, end, body in zip(begin.tolist(), model.dof_offset[1:].tolist(), model.bodies, strict=True):
         if first >= model.n_elastic:
-            weight[first + model.dimension : end] = 1 / max(float(np.ptp(body.points, axis=0).max(initial=0.0)), 1e-300)
+            size = max(float(np.ptp(body.points, axis=0).max(initial=0.0)), 1e-300)
+            weights[:, first + model.dimension : end] = [[0.0], [1 / size]]
     dx = scheme.h * step.state.v
     inertia = scheme.eta / scheme.h**2 * model.apply_mass(dx, model.rigid_mass(step.previous.x))
     inertia -= model.driven_share(inertia)
@@ -67,14 +71,33 @@ def _shares(step: Step, scheme: QuasiStatic) -> tuple[FloatArray, FloatArray]:
     contact[rigid:] = np.abs(step.H)[rigid:] @ np.abs(step.reaction)
     if step.linked is not None and step.result.multiplier is not None:
         acting.append(step.linked.G @ step.result.multiplier)
-    forces = [acting[0], contact, *acting[2:]]
-    work = _relative([np.add.reduceat(np.abs(dx * force), begin) for force in (inertia, *acting)])
+    works = [np.add.reduceat(np.abs(dx * force), begin) for force in (inertia, *acting)]
+    work = _relative(works[0], np.maximum.reduce(works))
     work[begin >= model.n_elastic] = 0.0
-    return _relative([np.add.reduceat(weight * np.abs(force), begin) for force in (inertia, *forces)]), work
+    sizes = [np.add.reduceat(weights * np.abs(force), begin, axis=1) for force in (inertia, acting[0], contact, *acting[2:])]
+    own, soft = sizes[0].max(axis=0), len(model.deformable)
+    own[:soft] = np.minimum(own[:soft], 0.5 * (own[:soft] + _resultant(model, x, inertia)))
+    return _relative(own, 0.5 * np.sum(sizes, axis=0).max(axis=0)), work
 
 
-def _relative(sums: Sequence[FloatArray]) -> FloatArray:
-    """(nb,) The first of the sums (nb,) over the largest."""
-    size = np.maximum.reduce(sums)
+def _resultant(model: Model, x: FloatArray, force: FloatArray) -> FloatArray:
+    """(n_deformable,) The sizes of what a force (n_dofs,) on a body sums to and of its moment about the body's middle, over a third of its
+    length: of eta / h^2 M dx of a rigid motion the sum of its sizes."""
+    d, first = model.dimension, model.node_offset[: len(model.deformable)]
+    if not len(first):
+        return np.zeros(0)
+    f, places = force[: model.n_elastic].reshape(-1, d), x[: model.n_elastic].reshape(-1, d)
+    places = model.reference[: len(places)] + places
+    low, high = np.minimum.reduceat(places, first), np.maximum.reduceat(places, first)
+    arms = places - np.repeat(0.5 * (low + high), np.diff([*first, len(places)]), axis=0)
+    size = np.abs(np.add.reduceat(f, first)).sum(axis=1)
+    for i, j in itertools.combinations(range(d), 2):
+        moment = np.add.reduceat(arms[:, i] * f[:, j] - arms[:, j] * f[:, i], first)
+        size += 3 * np.abs(moment) / (high - low)[:, [i, j]].max(axis=1)
+    return size
+
+
+def _relative(own: FloatArray, size: FloatArray) -> FloatArray:
+    """(nb,) own (nb,) over size (nb,)."""
     size = np.maximum(size, NONE * float(size.max(initial=0.0)))
-    return np.divide(sums[0], size, out=np.zeros_like(size), where=size > 0)
+    return np.divide(own, size, out=np.zeros_like(size), where=size > 0)

@@ -7,9 +7,40 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from fcsim import Body, Everything, ExactContacts, Material, QuasiStatic, Simulation, Step, Support, Traction, build_model
+from fcsim import Body, Everything, ExactContacts, Material, QuasiStatic, RigidBody, Simulation, Step, Support, Traction, build_model
+from fcsim.assembly.model import Model
 from fcsim.errors import NotConverged
 from fcsim.mesh import brick, rectangle, rigid_rectangle, rigid_sphere, with_surface
+from fcsim.mesh.material.plastic import FinitePlastic
+from fcsim.timestep.regularisation.doubts import doubts
+
+SOFT = Material(E=1e6, nu=0.0, density=1000.0)
+
+
+@pytest.mark.parametrize("by", ["plates", "supports", "both sides"])
+def test_what_the_mass_carries_of_a_bar_that_two_sides_press_is_a_share_of_what_passes_through_it(by: str) -> None:
+    """A bar of length L pressed from above: E u'' = R rho u with R = eta / h^2, so that its foot has 1 / cosh(L sqrt(R rho / E)) of what
+    its top has; of one pressed by both sides alike the middle has that, of half the length. What lacks is named from 0.02 on."""
+    pace = {"plates": 0.0, "supports": 0.0, "both sides": 1e-4}[by]
+    down, up = partial(Support, displacement=lambda t: -1e-4 * t), partial(Support, displacement=lambda t: pace * t)
+    bodies: list[Body | RigidBody] = [Body("bar", rectangle("bar", (0.1, 0.1), (1, 8), SOFT, origin=(-0.05, 0.0)))]
+    supports = [down("bar", ("y",), "y+"), up("bar", ("y",), "y-"), Support("bar", ("x",), at=(-0.05, 0.0))]
+    if by != "supports":
+        bodies += [rigid_rectangle("floor", (1.0, 0.1), (0.0, -0.05), 1.0), rigid_rectangle("plate", (1.0, 0.1), (0.0, 0.15), 1.0)]
+        still = [Support(name, ("x", "rz")) for name in ("floor", "plate")]
+        supports = [down("plate", ("y",)), up("floor", ("y",)), supports[2], *still]
+    model = build_model(bodies, supports=supports)
+    for share, said in ((0.033, True), (0.025, True), (0.018, False)):
+        eta = (4e5 if by == "both sides" else 1e5) * np.arccosh(1 / (1 - share)) ** 2
+        (step,) = Simulation(model, Everything(model, mu=0.0), QuasiStatic(1.0, eta=eta), 1)
+        top, foot = (abs(step.support_force(support)[1]) for support in supports[:2])
+        lacks = share if by == "both sides" else 1 - foot / top
+        if by == "plates":
+            assert_allclose(lacks, share, rtol=2e-3)
+        texts = [text for text in step.remarks if "of the forces on body 'bar' are carried by the mass" in text]
+        assert len(texts) == (said and lacks > 0.02)
+        for text in texts:
+            assert_allclose(float(text.split(" s: ")[1].split(" of the forces")[0]), lacks, rtol=0.05)
 
 
 def test_a_plate_of_any_mass_presses_with_the_force_of_what_it_presses() -> None:
@@ -81,3 +112,31 @@ def test_a_strip_between_jaws_that_the_mass_holds_up_is_named_by_what_it_lacks()
         assert share is not None
         assert_allclose(float(share[1]), 1 - deflection / right, rtol=0.15)
         assert float(share[1]) < most
+
+
+def billet(cells: tuple[int, int]) -> tuple[Model, Support]:
+    """Of plastic steel, 0.1 x 0.15 m, in plane strain, that only two plates hold, of which one comes down."""
+    law = FinitePlastic(2e11, 0.3, 7800.0, 2e8)
+    block = Body("billet", rectangle("billet", (0.1, 0.15), cells, law, elements="Q1-bbar", origin=(-0.05, 0.0)))
+    plates = [rigid_rectangle("floor", (0.4, 0.1), (0.0, -0.05), 1.0), rigid_rectangle("plate", (0.4, 0.1), (0.0, 0.2), 1.0)]
+    down = Support("plate", ("y",), displacement=lambda t: -4e-4 * t)
+    supports = [Support("floor", ("x", "y", "rz")), down, Support("plate", ("x", "rz"))]
+    return build_model([block, *plates], supports=supports), down
+
+
+def test_the_mass_that_is_advised_for_a_plastic_billet_does_not_carry_it() -> None:
+    """It bears 2 / sqrt(3) times its yield stress, and some percent of friction; the eta is that of the body, whatever its cells, and
+    whoever has it already is told a larger one."""
+
+    def advised(cells: tuple[int, int], eta: float) -> float:
+        *_, text = doubts(billet(cells)[0], QuasiStatic(1.0, eta=eta), linked=False)
+        return float(text.split("has lost its stiffness")[1].split("try eta = ")[1].split(" and")[0])
+
+    eta = advised((3, 5), 1e4)
+    assert advised((6, 10), 1e4) == eta
+    assert 2 * eta <= advised((3, 5), eta) <= 4 * eta
+    model, down = billet((3, 5))
+    *_, step = Simulation(model, Everything(model, mu=0.1), QuasiStatic(1.0, eta=eta), 2)
+    force, limit = -step.support_force(down)[1], 2 / np.sqrt(3) * 2e8 * 0.1
+    assert limit < force < 1.06 * limit
+    assert_allclose(step.contact_force_on(1)[1], -force, rtol=0.02)
