@@ -30,7 +30,7 @@ from fcsim.contact_detection.surfaces import facets as contact_facets
 from fcsim.contact_detection.surfaces.broad_phase import near_facets
 from fcsim.contact_detection.surfaces.facets import Facets
 from fcsim.contact_detection.surfaces.ragged import of_same_key
-from fcsim.contact_law.areas.overlaps import FLUSH, centres_of, clipped, over_facets, shares_of
+from fcsim.contact_law.areas.overlaps import FLUSH, Shares, centres_of, clipped, over_facets, shares_of
 
 _ALIGNED = 0.5
 """Faces meet whose normals are within 60 degrees of each other's, and of the contact's."""
@@ -92,19 +92,28 @@ def areas_of_flat_faces(
     if not len(found.row):
         return area
     pair = np.searchsorted(codes, faces.face[found.slave] * len(faces.flat) + faces.face[found.master])
-    patches, n = len(codes), len(positions)
+    points = _points(contacts, own, weights, patch_of_contact, found, faces, pair, slaves)
+    fitted = _fitted(points, found, faces.now, pair, len(codes))
+    area[own] = np.where(fitted[: len(own)] > 0, fitted[: len(own)], np.nan)
+    return area
+
+
+def _points(
+    contacts: Contacts,
+    own: IntArray,
+    weights: FloatArray,
+    patch_of_contact: IntArray,
+    found: Segments,
+    faces: _Faces,
+    pair: IntArray,
+    slaves: IntArray | None,
+) -> _Points:
+    """The contacts `own` (k,), of the patches (k,), then nodes over the other face that have none; pair (np,): overlaps' patches."""
+    positions = faces.now.x
+    n = len(positions)
     shares = shares_of(found, faces.facets, pair, np.ones((2, len(pair))), n)
     inside = over_facets(positions[shares.node], faces.now.slave, shares.other)
-    second = (faces.facets.bodies[shares.other] == faces.facets.bodies[found.slave][shares.pair]).astype(np.int64)
-    may = np.zeros((2, patches), dtype=bool)
-    if slaves is None:
-        may[second[inside], pair[shares.pair[inside]]] = True
-    else:
-        count = 1 + int(contacts.bodies.max())
-        both = np.stack([faces.facets.bodies[found.slave], faces.facets.bodies[found.master]])
-        may[:, pair] = np.isin(both * count + both[::-1], slaves)
-    part = np.where(may.any(axis=0), may / np.maximum(may.sum(axis=0), 1), 0.5)
-    share = shares.area * part[second, pair[shares.pair]]
+    share = shares.area * _part_of_side(contacts, shares, inside, found, faces, pair, slaves)
     entry, column = np.nonzero(weights[own] > 0)
     key, weight = patch_of_contact[entry] * n + contacts.nodes[own[entry], column], weights[own[entry], column]
     known, at = np.unique(np.concatenate([shares.key, key]), return_inverse=True)
@@ -116,14 +125,27 @@ def areas_of_flat_faces(
     of_node = np.bincount(of_share, np.where(has[of_share], share * (1 + more[shares.pair]), 0.0), len(known))
     given = np.bincount(entry, weight * of_node[of_entry] / total[of_entry], len(own))
     away = np.flatnonzero(has & (total == 0) & (of_node > 0))
-    points = _Points(
+    return _Points(
         np.concatenate([contacts.point[own], positions[known[away] % n]]),
         np.concatenate([given, of_node[away]]),
         np.concatenate([patch_of_contact, known[away] // n]),
     )
-    fitted = _fitted(points, found, faces.now, pair, patches)
-    area[own] = np.where(fitted[: len(own)] > 0, fitted[: len(own)], np.nan)
-    return area
+
+
+def _part_of_side(
+    contacts: Contacts, shares: Shares, inside: BoolArray, found: Segments, faces: _Faces, pair: IntArray, slaves: IntArray | None
+) -> FloatArray:
+    """The part (n,) of an overlap that the nodes of a share's side stand for: half, or all where one side's alone may have contacts."""
+    first, second = (faces.facets.bodies[side] for side in (found.slave, found.master))
+    side = (faces.facets.bodies[shares.other] == first[shares.pair]).astype(np.int64)
+    may = np.zeros((2, int(pair.max()) + 1), dtype=bool)
+    if slaves is None:
+        may[side[inside], pair[shares.pair[inside]]] = True
+    else:
+        both = np.stack([first, second])
+        may[:, pair] = np.isin(both * (1 + int(contacts.bodies.max())) + both[::-1], slaves)
+    part = np.where(may.any(axis=0), may / np.maximum(may.sum(axis=0), 1), 0.5)
+    return np.asarray(part[side, pair[shares.pair]])
 
 
 def _faces(contacts: Contacts, chosen: BoolArray, positions: FloatArray, facets: IntArray, bodies: IntArray) -> _Faces:

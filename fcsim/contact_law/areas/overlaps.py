@@ -47,7 +47,7 @@ _LEAST = 1e-6
 """Of the area of whole facets that a contact keeps at least."""
 
 
-class _Shares(NamedTuple):
+class Shares(NamedTuple):
     """Areas of corners of overlapping facets, a corner a row: facet pair, node's key, area [m^2; 2D: m], node, the other facet."""
 
     pair: IntArray
@@ -205,7 +205,7 @@ def patches_of(
     return patch[where[: len(pair_code)]], of_contact
 
 
-def shares_of(found: Segments, facets: Facets, patch: IntArray, parts: FloatArray, n: int) -> _Shares:
+def shares_of(found: Segments, facets: Facets, patch: IntArray, parts: FloatArray, n: int) -> Shares:
     """What the corners of either body's facets have of the overlaps' areas; parts (2, np) of them are the bodies'."""
     columns: list[tuple[IntArray, IntArray, FloatArray, IntArray, IntArray]] = []
     sides = ((found.slave, found.master, found.phi), (found.master, found.slave, found.psi))
@@ -215,7 +215,7 @@ def shares_of(found: Segments, facets: Facets, patch: IntArray, parts: FloatArra
             real: IntArray = np.flatnonzero((node >= 0) & (part > 0))
             area = part * np.bincount(found.row, found.weight * shape[:, corner], len(facet))
             columns.append((real, patch[real] * n + node[real], area[real], node[real], other[real]))
-    return _Shares(*(np.concatenate(column) for column in zip(*columns, strict=True)))
+    return Shares(*(np.concatenate(column) for column in zip(*columns, strict=True)))
 
 
 def over_facets(points: FloatArray, geometry: FacetGeometry, facet: IntArray) -> BoolArray:
@@ -236,7 +236,7 @@ def over_facets(points: FloatArray, geometry: FacetGeometry, facet: IntArray) ->
 
 
 def _given(
-    shares: _Shares, now: Configuration, key: IntArray, weight: FloatArray, contact: IntArray, count: int, pairs: int
+    shares: Shares, now: Configuration, key: IntArray, weight: FloatArray, contact: IntArray, count: int, pairs: int
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Areas (count,) of the contacts; and, by pairs of facets (pairs,), what no contact of theirs takes, and what is left out."""
     known, at = np.unique(np.concatenate([shares.key, key]), return_inverse=True)
