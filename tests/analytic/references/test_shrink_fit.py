@@ -153,6 +153,7 @@ COUNTS: list[Any] = [(4, 4), (4, 6), (6, 4), (8, 12), (12, 8), (12, 12)]
 COUNTS += [pytest.param(*counts, marks=pytest.mark.slow) for counts in ((6, 6), (6, 8), (8, 6), (8, 8), (6, 12))]
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("rule", ["mortar", "mortar-faces", "segments", "nodes smooth", "everything"])
 @pytest.mark.parametrize(("shaft", "hub"), COUNTS)
 def test_other_facets_on_shaft_and_hub_bear_lames_pressure(shaft: int, hub: int, rule: str) -> None:
@@ -163,6 +164,7 @@ def test_other_facets_on_shaft_and_hub_bear_lames_pressure(shaft: int, hub: int,
         assert not said
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("rule", ["mortar", "nodes smooth", "everything"])
 @pytest.mark.parametrize(
     ("shaft", "hub", "layers"), [(9, 6, (1, 2)), (6, 9, (2, 1)), (8, 8, (1, 2)), (9, 6, (1, 1)), (7, 10, (2, 3)), (9, 6, (3, 3))]

@@ -40,14 +40,19 @@ def one_contact(rng: np.random.Generator, largest_mu: float = 0.5) -> tuple[np.n
     return W, rng.standard_normal(3) * [2, *rng.choice([0.2, 2.0], 2)], mu
 
 
+def rows_of(W: np.ndarray) -> tuple[tuple[float, ...], ...]:
+    """W as sweeps hand it on: of arrays each solver would be compiled once more."""
+    return tuple(map(tuple, W.tolist()))
+
+
 def solve(
     name: str, W: np.ndarray, q: np.ndarray, mu: float, r: np.ndarray, tol: float = 1e-13, cap: int = 5000
 ) -> tuple[np.ndarray, bool]:
     solver = ONE_CONTACT[name]
-    rho = RHO_RULES[solver.rho](W[None])[0]
+    rho, rows = RHO_RULES[solver.rho](W[None])[0], rows_of(W)
     for _ in range(cap if name in ONE_VISIT else 1):
         before = r
-        *r, solved = solver.kernel(W, *q, mu, rho[0], rho[1], *r, tol, cap)
+        *r, solved = solver.kernel(rows, *q, mu, rho[0], rho[1], *r, tol, cap)
         if np.linalg.norm(np.subtract(r, before)) <= tol:
             break
     return np.array(r), solved
@@ -131,8 +136,9 @@ def test_line_search_makes_the_equations_fall() -> None:
 def test_unfinished_local_iteration_is_told(name: str) -> None:
     kernel = ONE_CONTACT[name].kernel
     if name in ("FP-DS", "FP-VI-UPK", "CYL-LOCAL"):
-        assert not kernel(np.eye(3), -1.0, 5.0, 0.0, 0.5, 0.01, 0.01, 0.0, 0.0, 0.0, 1e-14, 2)[3]
-    assert not kernel(np.zeros((3, 3)), -1.0, 0.0, 0.0, 0.5, 1.0, 1.0, 0.0, 0.0, 0.0, 1e-14, 20)[3]  # held on both sides and pushed
+        assert not kernel(rows_of(np.eye(3)), -1.0, 5.0, 0.0, 0.5, 0.01, 0.01, 0.0, 0.0, 0.0, 1e-14, 2)[3]
+    held = rows_of(np.zeros((3, 3)))  # on both sides, and pushed
+    assert not kernel(held, -1.0, 0.0, 0.0, 0.5, 1.0, 1.0, 0.0, 0.0, 0.0, 1e-14, 20)[3]
 
 
 def test_exact_solution_of_a_block_on_a_slope() -> None:
