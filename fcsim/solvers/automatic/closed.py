@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import scipy.sparse as sp
 
 from fcsim.solvers.automatic.race import Race
 from fcsim.solvers.newton.systems._velocity_kernels import velocities_held
@@ -21,6 +22,8 @@ rocks, 0.45 to 0.85 of spheres of unlike masses."""
 FACES = 1.3
 """Velocities held, over those that there are, beyond which it is faces that hold: 1.3 to 5 after the first sweeps in walls, towers, layers
 of boxes, at most 1.2 in beds of rocks with up to three points a pair."""
+KEPT_UP_TO = 20000
+"""Contacts up to which sweeps are NNCG from the beginning."""
 
 
 def points_a_pair(race: Race) -> float:
@@ -109,3 +112,10 @@ def newton_stays(race: Race) -> bool:
     if race.prices.in_velocities:
         return False
     return race.monitor.memory is not None or (race.joints is not None and without_a_factor(race.problem.delassus))
+
+
+def kept(race: Race) -> bool:
+    """Whether sweeps are NNCG from the beginning, with one direction: up to twenty thousand contacts, not in joints, from zero, or warm on
+    a sparse W whose bodies are not eliminated, as in beds of grains in motion, where the start says little."""
+    loose = race.problem.nc <= KEPT_UP_TO and race.joints is None
+    return loose and (not race.warm or (sp.issparse(race.problem.W) and not race.prices.in_velocities))

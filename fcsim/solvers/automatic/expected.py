@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from fcsim.solvers.automatic import methods
-from fcsim.solvers.automatic.closed import closed, edges, faces, held_as_blocks
+from fcsim.solvers.automatic.closed import closed, edges, faces, held_as_blocks, kept
 from fcsim.solvers.automatic.race import Race, Runner
 
 FAR = 1e-3
@@ -95,10 +94,13 @@ def sweeps_lead_on(race: Race) -> bool:
 
 def opening(race: Race, runner: Runner) -> bool:
     """Whether the sweeps go on before anyone else is asked: they have not yet cost as much as the iterations of Newton after which their
-    rate is believed, or all of them will cost no more than Newton from here, whose elimination is not counted, which takes time itself."""
-    if not methods.kept(race) or len(race.runners) > 1:
+    rate is believed, or all of them will cost no more than Newton from here. Its elimination is not counted, which takes time itself, but
+    from a warm start: there W is sparse, as in large beds in motion, and an elimination most of an iteration."""
+    if not kept(race) or len(race.runners) > 1:
         return False
     prices = race.prices
     newton = prices.least_in_velocities if prices.in_velocities else prices.least(closed(race))
     believed = BELIEVED_OF_FACES if faces(race) else BELIEVED
-    return runner.spent < believed * newton or runner.spent + runner.needs() < proximal_newton(race).here(race) * newton
+    if runner.spent < believed * newton or runner.spent + runner.needs() < proximal_newton(race).here(race) * newton:
+        return True
+    return race.warm and runner.spent < believed * prices.newton(closed(race))

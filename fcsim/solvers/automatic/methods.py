@@ -10,7 +10,7 @@ import numpy as np
 from fcsim.arrays import FloatArray
 from fcsim.linear.block_rows import embed_vector
 from fcsim.problem.infeasible import certificate
-from fcsim.solvers.automatic.closed import edges, elastic_joints, held_as_blocks, newton_stays, on_springs
+from fcsim.solvers.automatic.closed import edges, elastic_joints, held_as_blocks, kept, newton_stays, on_springs
 from fcsim.solvers.automatic.race import Race, ShareOfMonitor
 from fcsim.solvers.base import Iterate, Options, Status
 from fcsim.solvers.gauss_seidel._sweep_kernels import change_to_await
@@ -40,8 +40,8 @@ COLD_RHO = 8.0
 """Factor on Newton's first rho from a cold start, where velocities say more than reactions (a fifth fewer iterations on walls)."""
 WATCHED = 5
 """ADMM's iterations between two errors: its iterates pass by good ones before they swing, and the best counts."""
-KEPT_UP_TO, TURN, LONGEST_TURN = 20000, 12, 40
-"""Contacts up to which sweeps are NNCG from the beginning, its direction kept from turn to turn; how many turns their next is a part of,
+TURN, LONGEST_TURN = 12, 40
+"""Where sweeps are NNCG from the beginning, its direction kept from turn to turn: how many turns their next is a part of,
 and its sweeps at the most. A look at the error costs about one of them, and it swings by a factor of 2 to 20 from sweep to sweep: who
 looks seldom misses iterates that are good enough."""
 TRIED, NEARER = 5, 0.9
@@ -93,11 +93,6 @@ SPLITTING_OF_BEDS = replace(SPLITTING, rho_update="spectral", balancing_ratio=10
 """ADMM-SPECTRAL's rule from that rho: on eight beds with large friction 867 to 1945 iterations to 1e-4, where the other one took 972 to
 2863 on five and more than 5000 on three; on rocks up to 1.7 times as many as it."""
 SPLITTING_OF_JOINTS = AdmmOptions(initial_rho="norm", rho=3e-5, rho_update="constant")
-
-
-def kept(race: Race) -> bool:
-    """Whether sweeps are NNCG from the beginning, with one direction: on up to twenty thousand contacts from zero, not in joints."""
-    return race.problem.nc <= KEPT_UP_TO and race.joints is None and not race.warm
 
 
 def sweeps(race: Race, monitor: ShareOfMonitor) -> Turns:

@@ -70,6 +70,7 @@ class State:
     splitting: int = 30
     patience: int = 12
     newton_price: float = 10.0
+    elimination: float = 0.0
     sparse: bool = False
     points: float = 4.0
     regular: bool = False
@@ -99,7 +100,8 @@ class State:
                 "admm": 2.0,
                 "least_in_velocities": 10.0,
             },
-            **dict.fromkeys(("newton", "least", "proximal", "running"), lambda held: self.newton_price),
+            **dict.fromkeys(("least", "proximal", "running"), lambda held: self.newton_price),
+            newton=lambda held: self.newton_price + self.elimination,
             **dict.fromkeys(("splitting", "least_splitting"), lambda iterations: 100.0 + 2.0 * iterations),
             least_squares=lambda held: 25.0,
         )

@@ -298,6 +298,10 @@ def test_proximal_newton_is_asked_where_sweeps_cost_more(
         ({"holds": FACES_HELD}, 20.0, INF, False),
         ({"holds": FACES_HELD}, 20.0, 59.0, True),
         ({"warm": True}, 99.0, INF, False),
+        ({"warm": True, "sparse": True}, 99.0, INF, False),
+        ({"warm": True, "sparse": True, "in_velocities": False}, 99.0, INF, True),  # beds in motion
+        ({"warm": True, "in_velocities": False}, 99.0, INF, False),
+        ({"warm": True, "sparse": True, "in_velocities": False, "joints": object()}, 99.0, INF, False),
         ({"joints": object()}, 99.0, INF, False),
         ({"nc": 20_001}, 99.0, INF, False),
     ],
@@ -327,3 +331,13 @@ def test_blocks_are_given_up_after_what_fifteen_thousand_iterations_cost(
 ) -> None:
     race = state(runners={"paths" if begun else "proximal Newton": Shown(spent=spent)}, **{"holds": FACES_HELD, **changes})
     assert later.exhausted(race) is ended
+
+
+@pytest.mark.parametrize(("warm", "alone"), [(True, True), (False, False)])
+def test_eliminations_count_before_others_are_asked_from_a_warm_start(warm: bool, alone: bool) -> None:
+    """An iteration of Newton's method that costs 10 without its elimination and 30 with it."""
+    sweeps = Shown(iterations=299, spent=299.0)
+    race = state(runners={"sweeps": sweeps}, warm=warm, sparse=True, in_velocities=False, elimination=20.0)
+    assert expected.opening(race, sweeps) is alone  # type: ignore[arg-type]
+    sweeps.spent = 300.0
+    assert not expected.opening(race, sweeps)  # type: ignore[arg-type]
