@@ -266,10 +266,8 @@ def bracket(
         if high > most:
             raise NotConverged(f"{problem.name!r}: expected a structure that falls, got one that stands at the multiplier {high:.4g} still")
         high, wider = high * (1 + wider), 2 * wider
-    if low == 0 and at(0.0).falls:  # under the loads that stay
-        return Bracket((0.0, 0.0), (0.0, 0.0), _sorted(known))
     stands = max((seen.multiplier for seen in known.values() if not seen.falls and seen.multiplier < high), default=low)
-    fall = _bisected(stands, high, resolution, nothing, lambda multiplier: at(multiplier).falls)
+    fall = (0.0, 0.0) if low == 0 and at(0.0).falls else _bisected(stands, high, resolution, nothing, lambda value: at(value).falls)
     if low == 0 and at(0.0).moves:
         return Bracket((0.0, 0.0), fall, _sorted(known))
     begun = [multiplier for multiplier, seen in known.items() if seen.moves]

@@ -208,6 +208,13 @@ def _resumed(
     return replace(now, origin=stored.origin, overlap=stored.overlap, notes=tuple(dict.fromkeys((*stored.notes, *now.notes, *notes))))
 
 
+def _none_computed(start: int) -> str:
+    """What is said of a run whose steps are all there when it begins, `start` of them."""
+    if start == 0:
+        return "no step was asked for (steps = 0), and none was computed"
+    return f"the run had its {start} steps already, and none was computed: --resume --steps {2 * start} goes on with it"
+
+
 def _run(
     case: Case,
     moments: tuple[Moment, Moment] | None,
@@ -221,10 +228,8 @@ def _run(
     status, message = "finished", ""
     tally, begin = _Tally(overlap=description.overlap), time.perf_counter()
     start = moments[0].number if moments else 0
-    if moments and start >= case.simulation.steps:
-        message = f"the run had its {start} steps already, and none was computed: --resume --steps {2 * start} goes on with it"
-    elif case.simulation.steps == 0:
-        message = "no step was asked for (steps = 0), and none was computed"
+    if start >= case.simulation.steps:
+        message = _none_computed(start)
 
     def reached() -> int:
         return outputs.last.number if outputs.last is not None else start
