@@ -32,7 +32,7 @@ _SHARE = 1e-5  # of the weight: the regularising force of a block that moves wit
 _NOTHING = 1e-4  # of the largest multiplier: what is less holds nothing
 _DROP, _SMALLEST = 0.02, 1e-3  # of it: what drops more in a step is looked at by shorter ones, down to a share of the step
 _TURN = 0.02
-"""[rad] A block turns by no more in a step: a corner leaves its place by half the turn's square, since statics move it as the step begins."""
+"""[rad] A block turns by no more in a step: a corner leaves its place by half the square, since statics move it as the step begins."""
 NAME = "push"
 
 
