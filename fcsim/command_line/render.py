@@ -38,6 +38,7 @@ def _render(options: argparse.Namespace) -> int:
             page=options.page,
             exaggeration=options.exaggeration,
             progress=lambda what, done, total: bar.update(done, total, what=what),
+            tell=bar.say,
         )
         if not any(path.parent.name == "pictures" for path in written):
             bar.say(
@@ -54,7 +55,7 @@ def _compare(options: argparse.Namespace) -> int:
     from fcsim.view.page.comparison import compare, write_comparison
 
     compared = compare([open_run(run) for directory in options.directories for run in runs_in(directory)])
-    header = ["", *compared.names]
+    header = ["number or parameter", *compared.names]
     print_table(header, [[what, *values] for what, values in compared.numbers])
     if compared.differences:
         print_table(header, [[what, *values] for what, values in compared.differences], title="Parameters that differ")

@@ -70,7 +70,7 @@ class Trial:
 
 @dataclass(frozen=True)
 class Bracket:
-    """Multipliers between which a structure begins to move, and to fall: (the last that did not, the first that did); motion (0, 0): under
+    """Multipliers between which a structure begins to move, and to fall: (the last that did not, the first that did); (0, 0): under
     the loads that stay."""
 
     motion: tuple[float, float]
@@ -267,7 +267,7 @@ def bracket(
             raise NotConverged(f"{problem.name!r}: expected a structure that falls, got one that stands at the multiplier {high:.4g} still")
         high, wider = high * (1 + wider), 2 * wider
     stands = max((seen.multiplier for seen in known.values() if not seen.falls and seen.multiplier < high), default=low)
-    fall = _bisected(stands, high, resolution, nothing, lambda multiplier: at(multiplier).falls)
+    fall = (0.0, 0.0) if low == 0 and at(0.0).falls else _bisected(stands, high, resolution, nothing, lambda value: at(value).falls)
     if low == 0 and at(0.0).moves:
         return Bracket((0.0, 0.0), fall, _sorted(known))
     begun = [multiplier for multiplier, seen in known.items() if seen.moves]

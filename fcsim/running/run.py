@@ -16,7 +16,7 @@ from contextlib import ExitStack
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
-from fcsim.errors import NotConverged, Unphysical
+from fcsim.errors import InputError, NotConverged, Unphysical
 from fcsim.files import alone_in, files_read, remove_partial_files
 from fcsim.interrupts import ended_by, is_interrupt
 from fcsim.problem.rolling import GlobalRollingProblem
@@ -119,6 +119,8 @@ def run_case(
     two runs write into one folder. Under `fcsim.ranks.sharing` all ranks call this; rank 0 reads and writes the folder, and what it finds
     there is told to the others. Returns the summary also when a step does not converge or the run is interrupted by Ctrl-C.
     """
+    if resume and overwrite:
+        raise InputError("--resume, --overwrite: expected one of them, got both")
     options = options or RunOptions()
     directory = Path(directory).absolute()  # a script may change the working directory
     stored: Description | None = None
@@ -206,6 +208,13 @@ def _resumed(
     return replace(now, origin=stored.origin, overlap=stored.overlap, notes=tuple(dict.fromkeys((*stored.notes, *now.notes, *notes))))
 
 
+def _none_computed(start: int) -> str:
+    """What is said of a run whose steps are all there when it begins, `start` of them."""
+    if start == 0:
+        return "no step was asked for (steps = 0), and none was computed"
+    return f"the run had its {start} steps already, and none was computed: --resume --steps {2 * start} goes on with it"
+
+
 def _run(
     case: Case,
     moments: tuple[Moment, Moment] | None,
@@ -219,8 +228,8 @@ def _run(
     status, message = "finished", ""
     tally, begin = _Tally(overlap=description.overlap), time.perf_counter()
     start = moments[0].number if moments else 0
-    if moments and start >= case.simulation.steps:
-        message = f"the run had its {start} steps already, and none was computed: --resume --steps {2 * start} goes on with it"
+    if start >= case.simulation.steps:
+        message = _none_computed(start)
 
     def reached() -> int:
         return outputs.last.number if outputs.last is not None else start

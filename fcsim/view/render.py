@@ -13,7 +13,7 @@ from fcsim.view.film import FORMATS, film_instants, write_film
 from fcsim.view.page import write_page
 from fcsim.view.pictures import write_pictures
 from fcsim.view.plots import write_plots
-from fcsim.view.scene import survey
+from fcsim.view.scene import looked_past, survey, toward_eye
 
 Progress = Callable[[str, int, int], None]
 
@@ -25,6 +25,7 @@ def render(
     page: bool = False,
     exaggeration: float | None = None,
     progress: Progress | None = None,
+    tell: Callable[[str], None] | None = None,
 ) -> list[Path]:
     """Draw the run in `directory` and return the files written, in this order:
 
@@ -40,6 +41,7 @@ def render(
 
     exaggeration  factor on displacements; None: the largest is shown as 5 to 8 % of the size of the whole (1 where it is more already)
     progress      called with (what, done, total): "plots", "survey", "pictures", "film", "page"
+    tell          called with what pictures do not show: rigid bodies between the camera and the rest
 
     Raises InputError where `directory` is not a run's folder or a file in it cannot be read, MissingDependency without matplotlib,
     pyvista, Pillow, imageio-ffmpeg or plotly, or without an OpenGL library.
@@ -58,6 +60,9 @@ def render(
         return [*written, write_page(run, None)] if page else written
     seen = survey(run, film_instants(run), exaggeration)
     report("survey", 1, 1)
+    if tell is not None and len(bodies := looked_past(seen, toward_eye(seen))):
+        numbers = ", ".join(map(str, bodies.tolist()))
+        tell(f"pictures and film look past rigid bodies that stand before all others (body {numbers} in vtk/), as if they were not there")
     written += write_pictures(run, seen, run.directory / "pictures", lambda done, total: report("pictures", done, total))
     if film is not None:
         path = run.directory / f"film.{film}"

@@ -157,6 +157,21 @@ def left_out(last: Instant, toward: NDArray[np.float64]) -> NDArray[np.int64]:
     return standing_before(read(last.rigid), None if last.blocks is None else read(last.blocks), toward)
 
 
+def looked_past(seen: Survey, toward: NDArray[np.float64]) -> NDArray[np.int64]:
+    """`left_out` of a survey; none in the plane, where nothing stands before anything, and without rigid bodies."""
+    return np.empty(0, dtype=np.int64) if seen.planar or seen.last is None else left_out(seen.last, toward)
+
+
+def toward_eye(seen: Survey, view: Literal["oblique", "front"] = "oblique") -> NDArray[np.float64]:
+    """The unit vector (3,) to the camera of a `Scene`: the long side of the box faces it."""
+    if seen.planar:
+        return np.array([0.0, 0.0, 1.0])
+    slant = np.array([0.27, -1.0, 0.25]) if view == "oblique" else np.array([0.0, -1.0, 0.0])
+    extent = seen.high - seen.low
+    toward = slant if extent[0] >= extent[1] else np.array([-slant[1], slant[0], slant[2]])
+    return np.asarray(toward / np.linalg.norm(toward))
+
+
 def colour_map() -> Colormap:
     """Return the colours of the stress, from 0 to the top of the range."""
     from matplotlib import colormaps
@@ -175,19 +190,13 @@ class Scene:
 
     def __init__(self, seen: Survey, view: Literal["oblique", "front"] = "oblique", width: int = 1500, margin: float = MARGIN) -> None:
         self.survey = seen
-        extent = seen.high - seen.low
-        if seen.planar:
-            toward, up = np.array([0.0, 0.0, 1.0]), np.array([0.0, 1.0, 0.0])
-        else:
-            slant = np.array([0.27, -1.0, 0.25]) if view == "oblique" else np.array([0.0, -1.0, 0.0])
-            toward = slant if extent[0] >= extent[1] else np.array([-slant[1], slant[0], slant[2]])  # the long side faces the camera
-            up = np.array([0.0, 0.0, 1.0])
-        self.toward = toward / np.linalg.norm(toward)
+        self.toward = toward_eye(seen, view)
+        up = np.array([0.0, 1.0, 0.0] if seen.planar else [0.0, 0.0, 1.0])
         right = np.cross(up, self.toward)
         self.right = right / np.linalg.norm(right)
         self.up = np.cross(self.toward, self.right)
 
-        self.left_out = np.empty(0, dtype=np.int64) if seen.planar or seen.last is None else left_out(seen.last, self.toward)
+        self.left_out = looked_past(seen, self.toward)
         self.centre = (seen.low + seen.high) / 2
         corners = np.array(np.meshgrid(*zip(seen.low, seen.high, strict=True))).reshape(3, -1).T - self.centre
         half_width, highest = (float(np.abs(corners @ axis).max()) for axis in (self.right, self.up))

@@ -45,6 +45,15 @@ def test_branch_of_one_block_is_the_tangent(dimension, width, height, unit):
     assert branch.held
 
 
+def test_long_steps_are_taken_in_parts():
+    """A step of a tenth of the arm, in which statics would lift the block off its toe: the curve is that of short ones."""
+    branch = push_by_displacement(pushed(stone_on_floor(2, 0.4, 1.2), (1.0, 0.0, 0.0)), step=0.06, to=0.06)
+    alpha, R = np.arctan2(0.4, 1.2), 0.5 * np.hypot(0.4, 1.2)
+    left = np.arcsin(np.sin(alpha) - branch.displacement / R)
+    assert branch.held and branch.displacement[-1] == pytest.approx(0.06)
+    assert_allclose(branch.multiplier, np.tan(left), atol=1e-2 * np.tan(alpha))
+
+
 def test_a_block_that_slides_bears_its_friction_all_the_way():
     branch = push_by_displacement(pushed(stone_on_floor(2, 1.0, 0.5, mu=0.3), (1.0, 0.0, 0.0)), step=0.01, to=0.2)
     assert_allclose(branch.multiplier, 0.3, rtol=1e-6)

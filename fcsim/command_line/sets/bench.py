@@ -114,7 +114,7 @@ def _bench(options: argparse.Namespace) -> int:
     _print_summary([m for m in read_results(directory) if m.problem in names and m.solver in solvers and m.tol in tols])
     lost = [*unreadable, *progress.notes]
     if lost:
-        print_table(("file", "", "why"), [_file_and_reason(error) for error in lost], title="files that were left out")
+        print_table(("file", "state", "why"), [_file_and_reason(error) for error in lost], title="files that were left out")
     for note in [*notes, *lost]:
         say(note, to_stderr=True)
     say(f"{progress.measured} measurements made, {progress.done} of {progress.total} in {directory / FILE}")

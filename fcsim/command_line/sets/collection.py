@@ -189,7 +189,7 @@ def _check(options: argparse.Namespace) -> int:
 
     with ended_politely(), Bar("problems", lines=0) as bar:
         rows = check_collection(options.directory, _progress(bar))
-    header = ("file", "nc", "n", "m", "error", "stated", "cone", "equations", "")
+    header = ("file", "nc", "n", "m", "error", "stated", "cone", "equations", "verdict")
     table = [
         (
             row.place,

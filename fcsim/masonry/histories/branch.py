@@ -31,6 +31,8 @@ from fcsim.timestep.step import Step
 _SHARE = 1e-5  # of the weight: the regularising force of a block that moves with the load
 _NOTHING = 1e-4  # of the largest multiplier: what is less holds nothing
 _DROP, _SMALLEST = 0.02, 1e-3  # of it: what drops more in a step is looked at by shorter ones, down to a share of the step
+_TURN = 0.02
+"""[rad] A block turns by no more in a step: a corner leaves its place by half the square, since statics move it as the step begins."""
 NAME = "push"
 
 
@@ -72,7 +74,8 @@ def push_by_displacement(
 ) -> Branch:
     """Return the curve of multiplier by displacement until the multiplier is zero, it runs away, or the displacement is `to` [m].
 
-    step [m]: of the displacement, by default 2.5e-4 of the structure's extent; shorter where the multiplier drops. to: by default half its
+    step [m]: of the displacement, by default 2.5e-4 of the structure's extent; shorter where the multiplier drops or a block turns by
+    more than a degree. to: by default half its
     extent. watch(displacement, multiplier): called after each step; tell(text): with what is begun, and with steps taken again in parts.
     InputError where loads that grow have several directions, move nothing, or find a structure that falls already.
     """
@@ -151,6 +154,10 @@ def branch_steps(
             at = f"{1e3 * taken.previous.t:.6g} mm, multiplier {before:.4g}"
             tell(f"{at}: it drops to {multiplier:.4g} in {2e3 * h:.4g} mm: again in half of that, {len(taken.contacts)} contacts")
             continue
+        if h > _SMALLEST * step and (turn := _turn(taken)) > _TURN:
+            h *= 0.5
+            tell(f"{1e3 * taken.previous.t:.6g} mm: a block turns by {turn:.2g} rad in {2e3 * h:.4g} mm: again in half of that")
+            continue
         if before is not None and lost > _DROP * largest:
             yield taken, taken.previous.t, -np.inf
             return
@@ -159,6 +166,12 @@ def branch_steps(
         if multiplier < _NOTHING * largest:
             return
         moment, h = taken.moment, min(2 * h, step)
+
+
+def _turn(step: Step) -> float:
+    """[rad] The largest turn of a body in a step."""
+    rates = step.model.rigid_part(step.state.v)[:, step.model.dimension :]
+    return step.scheme.h * float(np.linalg.norm(rates, axis=1).max(initial=0.0))
 
 
 def _regularisation(step: Step) -> float:

@@ -39,7 +39,7 @@ class LimitLoad:
 
     outcome       "limit"; "unbounded": contact forces bear every multiplier; "falls": not even the loads that stay are borne;
                   "undecided": the programs or their fixed point did not converge
-    multiplier    the limit (Coulomb: the least of `span`), inf and 0; of what is undecided the last value
+    multiplier    the limit (Coulomb: the least of `span`), inf and 0; of what is undecided the last value, not above the associative limit
     r (m,) [N]    contact forces at the limit; v (n_dofs,): velocities of the mechanism, live . v = 1 W (of what falls: dead . v = 1 W;
                   of what is borne at every multiplier: 0)
     rounds        of the fixed point
@@ -142,7 +142,7 @@ def _fixed_point(problem: LimitProblem, program: Program, start: LimitLoad, give
         # forces are not unique: the answers jump between corners of one set, their mean settles
         normals = np.maximum(found.r[::d], 0.0)
         given, last = normals if rounds <= _JUMPS else 0.5 * (given + normals), found.multiplier
-    return certified or LimitLoad("Coulomb", "undecided", last, start.r, start.v, most)
+    return certified or LimitLoad("Coulomb", "undecided", min(last, start.multiplier), start.r, start.v, most)
 
 
 def _state_of_collapse(problem: LimitProblem, program: Program, found: Answer, rounds: int) -> LimitLoad | None:

@@ -152,7 +152,7 @@ def test_a_folder_without_manifest(copy: Path) -> None:
 def test_command(copy: Path, built: Built, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["collection", "check", str(built.directory)]) == 0
     printed = capsys.readouterr().out.splitlines()
-    assert printed[0].split() == ["file", "nc", "n", "m", "error", "stated", "cone", "equations"]
+    assert printed[0].split() == ["file", "nc", "n", "m", "error", "stated", "cone", "equations", "verdict"]
     assert len(printed) == 8 and printed[-1] == "6 files, 0 failed"
     truncate(step_3(copy, "local"))
     assert main(["collection", "check", str(copy)]) == 1

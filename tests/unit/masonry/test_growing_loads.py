@@ -6,9 +6,21 @@ import numpy as np
 import pytest
 
 from fcsim.errors import InputError
-from fcsim.masonry import Acceleration, Block, MasonryProblem, PointForce, analyse, bracket
+from fcsim.masonry import (
+    Acceleration,
+    Block,
+    MasonryProblem,
+    PointForce,
+    analyse,
+    associative_limit,
+    bracket,
+    coulomb_limit,
+    limit_problem,
+    pushed,
+)
+from fcsim.masonry.limit_analysis.programs import Answer, Program
 from fcsim.masonry.remarks import remarks
-from fcsim.mesh.solids.closed_surface import closed_surface
+from fcsim.mesh.solids.closed_surface import ClosedSurface, closed_surface
 
 CORNERS = np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1)], dtype=float)
 FACES = [(0, 3, 2, 1), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7)]
@@ -51,3 +63,29 @@ def test_loads_on_supports_alone_grow_upon_nothing() -> None:
 def test_no_load_that_grows_is_said() -> None:
     (said,) = remarks(analyse(stone_on_floor()), None)
     assert "no load grows upon a free block" in said
+
+
+def test_what_falls_under_the_loads_that_stay_is_not_said_to_stand_at_none() -> None:
+    """A stone between two upright walls that do not press it: each trial falls, that without a multiplier too."""
+    corners = [(0, 0), (1, 0), (1, 1), (0, 1)]
+
+    def prism(name: str, x: float, width: float) -> ClosedSurface:
+        points = [(x + width * a, y, b) for y in (0.0, 1.0) for a, b in corners]
+        sides = [((k + 1) % 4, k, 4 + k, 4 + (k + 1) % 4) for k in range(4)]
+        return closed_surface(name, points, [(0, 1, 2, 3), (7, 6, 5, 4), *sides])
+
+    walls = (Block(prism("left", -1.0, 1.0), support=True), Block(prism("right", 0.5, 1.0), support=True))
+    loads = (Acceleration((0.0, 0.0, -9.81)), Acceleration((0.0, 0.0, -9.81), scaled=True))
+    problem = MasonryProblem("wedged", 2, (*walls, Block(prism("stone", 0.0, 0.5), density=2000.0)), mu=0.6, loads=loads)
+    seen = bracket(problem, 0.01, 0.1, resolution=0.1)
+    assert seen.motion == seen.fall == (0.0, 0.0)
+
+
+def test_an_undecided_limit_is_not_above_the_associative_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Tresca's program may allow more than Coulomb's cones before it allows nothing at all."""
+    problem = limit_problem(pushed(stone_on_floor(), (1.0, 0.0, 0.0)))
+    upper = associative_limit(problem)
+    answers = iter([Answer(2 * upper.multiplier, upper.r, np.zeros_like(upper.v))])
+    monkeypatch.setattr(Program, "solve", lambda self, *, given=None, **_: next(answers, None) if given is not None else None)
+    found = coulomb_limit(problem, upper)
+    assert found.outcome == "undecided" and found.multiplier == upper.multiplier

@@ -142,6 +142,17 @@ def test_nothing_is_written_for_bad_input(case_folder: Path, tmp_path: Path) -> 
         run_case(script, {}, tmp_path / "out", RunOptions(vtk_every=-1))
 
 
+def test_going_on_and_beginning_anew_are_not_done_at_once(case_folder: Path, whole: Path) -> None:
+    before = snapshot(whole)
+    with pytest.raises(InputError, match="--resume, --overwrite: expected one of them, got both"):
+        run_case(load_case(case_folder), {}, whole, resume=True, overwrite=True)
+    assert snapshot(whole) == before
+
+
+def test_a_run_of_no_steps_says_so(case_folder: Path, tmp_path: Path) -> None:
+    assert "none was computed" in run_case(load_case(case_folder), {"steps": "0"}, tmp_path / "out", PLAIN).message
+
+
 def test_an_earlier_run_is_kept_unless_told(case_folder: Path, whole: Path, steps_without_seconds: Rows) -> None:
     script, before = load_case(case_folder), snapshot(whole)
     with pytest.raises(InputError, match=r"go on with --resume, replace it with --overwrite"):

@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 
+from fcsim.running.folder import Instant
+from fcsim.view.scene import Survey, looked_past, toward_eye
 from fcsim.view.standing_before import standing_before
 
 pyvista = pytest.importorskip("pyvista")
@@ -36,3 +38,12 @@ def test_what_is_low_below_or_behind_stays() -> None:
 
 def test_where_nothing_moves_everything_stays() -> None:
     assert not len(standing_before(scene(FLOOR, FRONT, BACK), None, TOWARD))
+
+
+@pytest.mark.parametrize("planar", [False, True])
+def test_a_survey_tells_which_bodies_its_pictures_look_past(monkeypatch, planar):
+    box = scene(FALLEN, FLOOR, LEFT, BACK, RIGHT, FRONT)
+    monkeypatch.setattr("fcsim.view.scene.read", lambda path: box)
+    last = Instant(0.0, None, None, box)
+    seen = Survey(1.0, None, 0.0, np.array([-1.0, -1.0, 0.0]), np.array([2.0, 2.0, 3.0]), planar, last)
+    assert looked_past(seen, toward_eye(seen)).tolist() == ([] if planar else [4, 5])
