@@ -9,6 +9,7 @@ from __future__ import annotations
 import fcntl
 import gc
 import os
+import signal
 from collections import Counter, defaultdict
 from collections.abc import Generator, Hashable, Mapping, Sequence
 from contextlib import suppress
@@ -24,6 +25,9 @@ import fcsim  # noqa: F401
 
 hypothesis.settings.register_profile("no clock", deadline=None)  # what is compiled first would be late
 hypothesis.settings.load_profile("no clock")
+
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # a background shell's jobs, and theirs, would never hear Ctrl-C
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 ROOT = Path(__file__).parents[1]
 SOLVING = ("tests/conformance/", *(f"tests/unit/{room}/" for room in ("bench", "collection", "linear", "problem", "solvers")))

@@ -352,7 +352,6 @@ def test_a_bench_that_is_killed_goes_on(block: Path, plugin: Path, tmp_path: Pat
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # a background shell hands SIGINT down as ignored
     ) as running:
         deadline = time.monotonic() + 60
         while not (out / "results.csv").exists() or (out / "results.csv").read_bytes().count(b"\n") < 1 + 3 * jobs:

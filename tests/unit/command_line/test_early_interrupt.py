@@ -10,7 +10,6 @@ def test_ctrl_c_while_the_command_line_is_loaded_is_a_line() -> None:
     """Loading takes a second, in which it was a traceback."""
     at_the_import = """
 import os, signal, sys
-signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background jobs inherit that it is ignored
 class Presses:
     def find_spec(self, name, *rest):
         if name == "fcsim.command_line.main":

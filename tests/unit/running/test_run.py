@@ -336,7 +336,6 @@ def test_signals(case_folder: Path, tmp_path: Path, whole: Path, steps_without_s
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # a background shell hands SIGINT down as ignored
     )
     try:
         table, deadline = out / "steps.csv", time.monotonic() + 120
