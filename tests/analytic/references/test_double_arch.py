@@ -67,6 +67,8 @@ def at(model: Model, step: Step, body: str, x: float, y: float) -> np.ndarray:
 
 CODE_ASTER: dict[str, Any] = {"ring": ("Q1", 2, 15), "base": (15, 4), "rule": "nodes", "normals": "smooth"}
 """240 linear quadrilaterals, as ssnp165 counts them (how they are laid out is not stored), smoothed normals, the block the slave."""
+BULGE = 95 * (1 - np.cos(np.pi / 4 / 15))
+"""[mm] between the chords of 15 cells, on which code_aster's contact is, and the ring's outer circle, on which ours is."""
 
 
 @pytest.mark.slow
@@ -75,7 +77,7 @@ def test_B7_of_code_aster(unit: float) -> None:
     """ssnp165a, frictionless: the block's middle at 16 and 34 mm, and its point 66.7 mm aside; what follows there is dynamic."""
     model, steps = pressed(34.0, 17, 0.0, hencky, unit=unit, **CODE_ASTER)
     middle = [unit * at(model, steps[k], "base", 0.0, 0.0)[1] for k in (7, 16)]
-    assert_allclose(middle, [-4.2957, -2.4839], rtol=0.03)
+    assert_allclose(middle, [-4.2957, -2.4839], atol=BULGE)
     assert_allclose(unit * at(model, steps[16], "base", 200 / 3 / unit, 0.0)[1], -5.2568, rtol=0.03)
 
 
@@ -122,10 +124,10 @@ QUADRATIC: dict[str, Any] = {"ring": ("Q2", 1, 16), "base": (26, 10), "rule": "n
 
 @pytest.mark.slow
 def test_B7_of_poulios_renard() -> None:
-    """Their curve at 10, 20, 30 and 40 mm, read off to a hundredth of its 66 mm, is met with a block of 100 MPa: the 1e8 of the script of
-    this ring that comes with GetFEM, Poulios' own."""
+    """Their curve at 10, 20, 30 and 40 mm, read off to a hundredth of its 66 mm, is met to that and to the bulge of
+    32 chords with a block of 100 MPa: the 1e8 of the script of this ring that comes with GetFEM, Poulios' own."""
     model, steps = pressed(40.0, 16, 0.0, neo_hooke, soft=100.0, **QUADRATIC)
-    assert_allclose([at(model, steps[k], "ring", 0.0, 0.0)[1] for k in (3, 7, 11, 15)], [-4.8, -5.9, -5.2, -3.5], atol=0.66)
+    assert_allclose([at(model, steps[k], "ring", 0.0, 0.0)[1] for k in (3, 7, 11, 15)], [-4.8, -5.9, -5.2, -3.5], atol=0.66 + BULGE / 4)
 
 
 @pytest.mark.slow
