@@ -61,30 +61,31 @@ class LimitLoad:
 def associative_limit(problem: LimitProblem) -> LimitLoad:
     """Return the associative limit load: an upper bound of every load that Coulomb's friction bears."""
     dead, live = problem.dead, problem.live
-    stands = Program(problem, np.zeros_like(dead), dead).solve(at_most=1.0)
+    bearing = Program(problem, np.zeros_like(dead), dead)
+    stands = bearing.solve(at_most=1.0)
     law: Literal["associative"] = "associative"
     if stands is None:
         return _undecided(problem, law)
     if stands.multiplier < 1 - 1e-6:
-        return LimitLoad(law, "falls", 0.0, stands.r, stands.v)
+        return LimitLoad(law, "falls", 0.0, bearing.form.forces(stands.r), bearing.form.velocities(stands.v))
     if not np.abs(live).max() > 0:  # what stands has no mechanism: the program's dual is round-off there
-        return LimitLoad(law, "unbounded", np.inf, stands.r, np.zeros_like(dead))
+        return LimitLoad(law, "unbounded", np.inf, bearing.form.forces(stands.r), np.zeros_like(dead))
     program = Program(problem, dead, live)
     found = program.solve()
     if found is None:  # no maximum: is there equilibrium far beyond all proportions?
         found = program.solve(at_most=1e6 * program.natural)
         if found is None or found.multiplier < 0.99e6 * program.natural:
             return _undecided(problem, law)
-        return LimitLoad(law, "unbounded", np.inf, found.r, np.zeros_like(dead))
-    return LimitLoad(law, "limit", found.multiplier, found.r, found.v)
+        return LimitLoad(law, "unbounded", np.inf, program.form.forces(found.r), np.zeros_like(dead))
+    return LimitLoad(law, "limit", found.multiplier, program.form.forces(found.r), program.form.velocities(found.v))
 
 
 def coulomb_limit(problem: LimitProblem, start: LimitLoad) -> LimitLoad:
     """Return the multiplier at which Coulomb's friction allows a mechanism, by the fixed point from the associative answer `start` on."""
     if start.outcome != "limit":
         return LimitLoad("Coulomb", start.outcome, start.multiplier, start.r, start.v)
-    program, d = Program(problem, problem.dead, problem.live), problem.contacts.dimension
-    return _fixed_point(problem, program, start, np.maximum(start.r[::d], 0.0), ROUNDS)
+    program = Program(problem, problem.dead, problem.live)
+    return _fixed_point(program, start, _normals(program, start), ROUNDS)
 
 
 def lowest_limit(problem: LimitProblem, start: LimitLoad, known: LimitLoad) -> LimitLoad:
@@ -96,34 +97,43 @@ def lowest_limit(problem: LimitProblem, start: LimitLoad, known: LimitLoad) -> L
     if start.outcome != "limit":
         return known
     program, least = Program(problem, problem.dead, problem.live), known
-    for normals in _beginnings(problem, start):
+    for normals in _beginnings(problem, program, start):
         decided = least.outcome == "limit"
-        found = _fixed_point(problem, program, start, normals, _FURTHER if decided else ROUNDS)
+        found = _fixed_point(program, start, normals, _FURTHER if decided else ROUNDS)
         if found.outcome == "limit" and (not decided or found.multiplier < least.multiplier):
             least = found
     return least
 
 
-def _beginnings(problem: LimitProblem, start: LimitLoad) -> Iterator[FloatArray]:
-    """Normal forces (nc,) [N] from which fixed points are sought besides the associative ones."""
-    d, dead = problem.contacts.dimension, problem.dead
-    normals = np.maximum(start.r[::d], 0.0)
+def _beginnings(problem: LimitProblem, program: Program, start: LimitLoad) -> Iterator[FloatArray]:
+    """Normal forces (nc,) of the program from which fixed points are sought besides the associative ones."""
+    dead, normals = problem.dead, _normals(program, start)
     yield np.zeros_like(normals)
-    stands = Program(problem, np.zeros_like(dead), dead).solve(at_most=1.0)
+    alone = Program(problem, np.zeros_like(dead), dead)
+    stands = alone.solve(at_most=1.0)
     if stands is not None:
-        yield np.maximum(stands.r[::d], 0.0)
+        yield _of_normals(program, alone.form.forces(stands.r))
     dice = np.random.default_rng(_SEED)
     for _ in range(_BY_CHANCE):
         yield normals * dice.uniform(0.0, 2.0, len(normals))
 
 
-def _fixed_point(problem: LimitProblem, program: Program, start: LimitLoad, given: FloatArray, most: int) -> LimitLoad:
-    """The state of collapse in which the normal forces of Tresca's law are those of its answer, from `given` (nc,) [N] on, in at
+def _normals(program: Program, start: LimitLoad) -> FloatArray:
+    """The normal forces (nc,) of a limit load in the program's form."""
+    return _of_normals(program, start.r)
+
+
+def _of_normals(program: Program, r: FloatArray) -> FloatArray:
+    return np.maximum(program.form.own_forces(r)[:: program.form.dimension], 0.0)
+
+
+def _fixed_point(program: Program, start: LimitLoad, given: FloatArray, most: int) -> LimitLoad:
+    """The state of collapse in which the normal forces of Tresca's law are those of its answer, from `given` (nc,) on, in at
     most so many rounds.
 
     Where the rounds go on without one, the least of the mechanisms that they passed and that were certified.
     """
-    d = problem.contacts.dimension
+    d = program.form.dimension
     last = start.multiplier
     certified: LimitLoad | None = None
     for rounds in range(1, most + 1):
@@ -132,7 +142,7 @@ def _fixed_point(problem: LimitProblem, program: Program, start: LimitLoad, give
             break
         settled = abs(found.multiplier - last) <= _SETTLED * max(abs(last), 1e-3 * program.natural)
         # a program that is linear settles, and only then is worth its certificate; cones wander among mechanisms
-        state = _state_of_collapse(problem, program, found, rounds) if settled or d == 3 or rounds == most else None
+        state = _state_of_collapse(program, found, rounds) if settled or d == 3 or rounds == most else None
         if state is not None and state.span is not None:
             near = _NEAR * max(abs(last), 1e-3 * program.natural)
             if settled and state.span[0] - near <= found.multiplier <= state.span[1] + near:
@@ -145,14 +155,15 @@ def _fixed_point(problem: LimitProblem, program: Program, start: LimitLoad, give
     return certified or LimitLoad("Coulomb", "undecided", min(last, start.multiplier), start.r, start.v, most)
 
 
-def _state_of_collapse(problem: LimitProblem, program: Program, found: Answer, rounds: int) -> LimitLoad | None:
+def _state_of_collapse(program: Program, found: Answer, rounds: int) -> LimitLoad | None:
     """The answer's mechanism with forces that belong to it under Coulomb's law, at the least multiplier where they do; None: nowhere."""
-    slip = slip_of(problem, found.v)
-    for astray in ASTRAY[problem.contacts.dimension]:
+    slip, form = slip_of(program, found.v), program.form
+    for astray in ASTRAY[form.dimension]:
         least = program.solve(slip=replace(slip, astray=astray), sign=-1.0)
         most = None if least is None else program.solve(slip=replace(slip, astray=astray))
         if least is not None and most is not None:
-            return LimitLoad("Coulomb", "limit", least.multiplier, least.r, found.v, rounds, (least.multiplier, most.multiplier))
+            r, v, span = form.forces(least.r), form.velocities(found.v), (least.multiplier, most.multiplier)
+            return LimitLoad("Coulomb", "limit", least.multiplier, r, v, rounds, span)
     return None
 
 
