@@ -223,10 +223,12 @@ def bracket(
     watch: Watch = lambda trial: None,
     blocks: BlocksAre = "rigid",
     stone: Stone | None = None,
+    tolerance: float | None = None,
 ) -> Bracket:
     """Return between which multipliers the structure begins to move and to fall, each to `resolution` of the multiplier, by bisection.
 
-    low, high: where to begin, as limit analysis says; widened as long as low moves or high does not fall; blocks, stone: see `structure`.
+    low, high: where to begin, as limit analysis says; widened as long as low moves or high does not fall; blocks, stone: see `structure`;
+    tolerance [m]: at which limit analysis takes blocks to touch, see `limit_problem`; trials have their gaps.
     InputError where the problem has no load that grows; NotConverged where nothing makes it fall.
     """
     expect_problem(problem, "bracket")
@@ -238,7 +240,7 @@ def bracket(
         if not is_number(value):
             raise InputError(f"{name}: expected a multiplier to begin with, a finite number, got {shown(value)}")
     known: dict[float, Trial] = {}
-    limit = limit_problem(problem)
+    limit = limit_problem(problem, tolerance=tolerance)
     pull = _acceleration(problem, limit)
     upper = associative_limit(limit)
 

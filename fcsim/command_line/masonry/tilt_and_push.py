@@ -126,6 +126,7 @@ def _simulated(options: argparse.Namespace, analysis: LimitAnalysis) -> Bracket 
         watch=told,
         blocks=options.blocks,
         stone=stone(options),
+        tolerance=options.tolerance,
     )
 
 
