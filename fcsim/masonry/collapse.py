@@ -241,8 +241,7 @@ def bracket(
             raise InputError(f"{name}: expected a multiplier to begin with, a finite number, got {shown(value)}")
     known: dict[float, Trial] = {}
     limit = limit_problem(problem, tolerance=tolerance)
-    pull = _acceleration(problem, limit)
-    upper = associative_limit(limit)
+    pull, upper = _acceleration(problem, limit), associative_limit(limit)
 
     def at(multiplier: float) -> Trial:
         if multiplier not in known:
@@ -258,8 +257,7 @@ def bracket(
 
     nothing = _NOTHING * GRAVITY / pull
     low, high = max(low, 0.0), max(high, low, nothing)
-    most = max(high, GRAVITY / pull) * _MOST
-    begin, wider = low, _WIDER
+    most, begin, wider = max(high, GRAVITY / pull) * _MOST, low, _WIDER
     while low > 0 and at(low).moves:
         high, low, wider = (low if at(low).falls else high), low * (1 - min(wider, 0.5)), 2 * wider
         low = low if low > _LEAST * begin else 0.0
