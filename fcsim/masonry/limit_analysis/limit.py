@@ -27,6 +27,7 @@ from fcsim.masonry.limit_analysis.programs import ASTRAY, Answer, Program, slip_
 
 ROUNDS, _FURTHER = 60, 20  # of the fixed point; from further beginnings, once one has led to a state
 _SETTLED, _NEAR = 1e-5, 1e-3
+_FIRST_SHARE, _LEAST_SHARE = 0.5, 0.01  # of Coulomb's cones beside Tresca's disks, halved each time that rounds settle
 _JUMPS = 5  # rounds of the fixed point before it takes half steps
 _BY_CHANCE, _SEED = 2, 21  # beginnings of the fixed point with normal forces of chance
 
@@ -45,6 +46,7 @@ class LimitLoad:
     rounds        of the fixed point
     span          Coulomb: the least and the largest multiplier at which this mechanism and Coulomb's law go together: forces r that are
                   none where it opens, mu r_N against the slip where it slides, in the cone elsewhere. Checked by programs of their own
+    dilatancy     Coulomb: by how much slip opens joints still, as a share of mu: 0 but where rounds without any end in no state
     """
 
     law: Literal["associative", "Coulomb"]
@@ -54,6 +56,7 @@ class LimitLoad:
     v: FloatArray
     rounds: int = 0
     span: tuple[float, float] | None = None
+    dilatancy: float = 0.0
 
     __repr__ = brief
 
@@ -85,7 +88,8 @@ def coulomb_limit(problem: LimitProblem, start: LimitLoad) -> LimitLoad:
     if start.outcome != "limit":
         return LimitLoad("Coulomb", start.outcome, start.multiplier, start.r, start.v)
     program = Program(problem, problem.dead, problem.live)
-    return _fixed_point(program, start, _normals(program, start), ROUNDS)
+    found = _fixed_point(program, start, _normals(program, start), ROUNDS)
+    return found if found.outcome == "limit" else _dilatant(program, start) or found
 
 
 def lowest_limit(problem: LimitProblem, start: LimitLoad, known: LimitLoad) -> LimitLoad:
@@ -155,15 +159,36 @@ def _fixed_point(program: Program, start: LimitLoad, given: FloatArray, most: in
     return certified or LimitLoad("Coulomb", "undecided", min(last, start.multiplier), start.r, start.v, most)
 
 
-def _state_of_collapse(program: Program, found: Answer, rounds: int) -> LimitLoad | None:
+def _dilatant(program: Program, start: LimitLoad) -> LimitLoad | None:
+    """The state of collapse with slip that opens joints by the least share of mu at which rounds settle; None: nowhere.
+
+    Friction is bounded by mu ((1 - share) N + share r_N): between Tresca's disks, whose rounds may jump among forces that bear nothing, and
+    Coulomb's cones, which bear what can be borne.
+    """
+    d, share, last, least = program.form.dimension, _FIRST_SHARE, start.multiplier, None
+    given = _normals(program, start)
+    for rounds in range(1, ROUNDS + 1):
+        found = program.solve(given=given, share=share)
+        if found is None or share < _LEAST_SHARE:
+            break
+        normals = np.maximum(found.r[::d], 0.0)
+        given = normals if rounds <= _JUMPS else 0.5 * (given + normals)
+        if abs(found.multiplier - last) <= _SETTLED * max(abs(last), 1e-3 * program.natural):
+            state = _state_of_collapse(program, found, rounds, share)
+            least, share = state or least, 0.5 * share
+        last = found.multiplier
+    return least
+
+
+def _state_of_collapse(program: Program, found: Answer, rounds: int, dilatancy: float = 0.0) -> LimitLoad | None:
     """The answer's mechanism with forces that belong to it under Coulomb's law, at the least multiplier where they do; None: nowhere."""
-    slip, form = slip_of(program, found.v), program.form
+    slip, form = slip_of(program, found.v, dilatancy), program.form
     for astray in ASTRAY[form.dimension]:
         least = program.solve(slip=replace(slip, astray=astray), sign=-1.0)
         most = None if least is None else program.solve(slip=replace(slip, astray=astray))
         if least is not None and most is not None:
             r, v, span = form.forces(least.r), form.velocities(found.v), (least.multiplier, most.multiplier)
-            return LimitLoad("Coulomb", "limit", least.multiplier, r, v, rounds, span)
+            return LimitLoad("Coulomb", "limit", least.multiplier, r, v, rounds, span, dilatancy)
     return None
 
 

@@ -19,6 +19,7 @@ _ROUGH = 1e3
 """Friction beyond it (an angle of 89.94 degrees) counts as this, so that numbers stay near 1."""
 _NEAR_NONE = 1e-6  # of a natural multiplier: where a mechanism goes at none, forces that belong to it may lie beside it
 _STILL = {2: 1e-7, 3: 1e-4}  # of the largest contact velocity; interior points are rounder than corners
+_OPENS = 1.001  # of the dilatancy, which is met to the digits of a program
 ASTRAY = {2: (0.0,), 3: (1e-7, 1e-4)}
 """Shares of mu r_N, one after the other, by which friction may differ from what the slip asks: in space its direction is known to some
 digits alone, and where it decides all forces none would meet it exactly."""
@@ -35,13 +36,14 @@ class Slip:
     astray: float = 0.0
 
 
-def slip_of(program: Program, v: FloatArray) -> Slip:
-    """What the program's mechanism v (n,) asks of contact forces; a contact far slower than the fastest one is at rest."""
+def slip_of(program: Program, v: FloatArray, dilatancy: float = 0.0) -> Slip:
+    """What the program's mechanism v (n,) asks of contact forces; a contact far slower than the fastest one is at rest, and one that
+    parts no faster than dilatancy mu times its slip slides."""
     d = program.form.dimension
     u = (program.form.H.T @ v).reshape(-1, d)
     none = _STILL[d] * max(float(np.abs(u).max()), 1e-300)
     speed = np.linalg.norm(u[:, 1:], axis=1)
-    opens = u[:, 0] > none
+    opens = u[:, 0] > none + _OPENS * dilatancy * program.mu * speed
     slides = ~opens & (speed > none)
     return Slip(opens, slides, u[:, 1:] / np.where(slides, speed, 1.0)[:, None])
 
