@@ -48,8 +48,8 @@ def limit_problem(problem: MasonryProblem, *, tolerance: float | None = None) ->
     overlap, as the witness sees them.
     """
     expect_problem(problem, "limit analysis")
-    if tolerance is not None and not (is_number(tolerance) and tolerance >= 0):
-        raise InputError(f"tolerance: expected a distance >= 0 in m, got {shown(tolerance)}")
+    if tolerance is not None and not (is_number(tolerance) and tolerance > 0):
+        raise InputError(f"tolerance: expected a distance > 0 in m, got {shown(tolerance)}")
     if problem.shaking:
         raise InputError(f"limit analysis of {problem.name!r}: expected ground at rest, got base_acceleration: see `fcsim shake`")
     bodies = rigid_blocks(problem)

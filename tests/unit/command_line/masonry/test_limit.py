@@ -42,8 +42,8 @@ def test_what_is_wedged_is_not_said_to_need_no_friction(tmp_path: Path, capsys: 
     [
         (["--density=-5"], "density: expected a number > 0 in kg/m^3, got -5"),
         (["--density", "1500"], "density: expected it with blocks whose file has none"),
-        (["--tolerance=-1"], "tolerance: expected a distance >= 0 in m, got -1"),
-        (["--tolerance=nan"], "tolerance: expected a distance >= 0 in m, got nan"),
+        (["--tolerance=-1"], "tolerance: expected a distance > 0 in m, got -1"),
+        (["--tolerance=nan"], "tolerance: expected a distance > 0 in m, got nan"),
     ],
 )
 def test_options_that_say_nothing_possible_or_nothing_new_are_refused(
