@@ -56,7 +56,7 @@ def masonry_case(
     path: str | Path,
     mu: float | None = None,
     *,
-    density: float = 2000.0,
+    density: float | None = None,
     scale: float | None = None,
     supports: Sequence[str] = (),
     array: str | None = None,

@@ -223,10 +223,12 @@ def bracket(
     watch: Watch = lambda trial: None,
     blocks: BlocksAre = "rigid",
     stone: Stone | None = None,
+    tolerance: float | None = None,
 ) -> Bracket:
     """Return between which multipliers the structure begins to move and to fall, each to `resolution` of the multiplier, by bisection.
 
-    low, high: where to begin, as limit analysis says; widened as long as low moves or high does not fall; blocks, stone: see `structure`.
+    low, high: where to begin, as limit analysis says; widened as long as low moves or high does not fall; blocks, stone: see `structure`;
+    tolerance [m]: at which limit analysis takes blocks to touch, see `limit_problem`; trials have their gaps.
     InputError where the problem has no load that grows; NotConverged where nothing makes it fall.
     """
     expect_problem(problem, "bracket")
@@ -238,9 +240,8 @@ def bracket(
         if not is_number(value):
             raise InputError(f"{name}: expected a multiplier to begin with, a finite number, got {shown(value)}")
     known: dict[float, Trial] = {}
-    limit = limit_problem(problem)
-    pull = _acceleration(problem, limit)
-    upper = associative_limit(limit)
+    limit = limit_problem(problem, tolerance=tolerance)
+    pull, upper = _acceleration(problem, limit), associative_limit(limit)
 
     def at(multiplier: float) -> Trial:
         if multiplier not in known:
@@ -256,8 +257,7 @@ def bracket(
 
     nothing = _NOTHING * GRAVITY / pull
     low, high = max(low, 0.0), max(high, low, nothing)
-    most = max(high, GRAVITY / pull) * _MOST
-    begin, wider = low, _WIDER
+    most, begin, wider = max(high, GRAVITY / pull) * _MOST, low, _WIDER
     while low > 0 and at(low).moves:
         high, low, wider = (low if at(low).falls else high), low * (1 - min(wider, 0.5)), 2 * wider
         low = low if low > _LEAST * begin else 0.0

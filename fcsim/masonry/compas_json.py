@@ -15,7 +15,7 @@ import numpy as np
 
 from fcsim.arrays import FloatArray
 from fcsim.errors import InputError
-from fcsim.masonry.problem import GRAVITY, Acceleration, Block, MasonryProblem, PointForce
+from fcsim.masonry.problem import DENSITY, GRAVITY, Acceleration, Block, MasonryProblem, PointForce
 from fcsim.mesh.solids.closed_surface import FLAT, closed_surface
 from fcsim.mesh.solids.surface_file import LARGEST
 
@@ -48,8 +48,9 @@ def is_compas(content: object) -> bool:
     return next(_records(content), None) is not None
 
 
-def read_compas(content: object, where: str, mu: float | None, density: float, scale: float | None = None) -> MasonryProblem:
-    """Return the problem that a COMPAS file poses; mu in place of its own, density [kg/m^3] where it has none, scale: metres to its unit.
+def read_compas(content: object, where: str, mu: float | None, density: float | None, scale: float | None = None) -> MasonryProblem:
+    """Return the problem that a COMPAS file poses; mu in place of its own, density [kg/m^3] where it has none (None:
+    2000), scale: metres to its unit.
 
     Of an analysis, its first problem: friction; loads that ramp grow with the multiplier, instantaneous ones stay, as gravity does.
     InputError for cohesion and prescribed displacements, which limit analysis and trials do not know, and for what a record lacks.
@@ -69,6 +70,8 @@ def read_compas(content: object, where: str, mu: float | None, density: float, s
     solids = [solid for number, record in enumerate(records) for solid in _solids(record, number, where)]
     if not solids:
         raise InputError(f"{where}: expected blocks (Mesh, Box, Polyhedron, Assembly or BlockModel), got none")
+    if density is not None and all(solid.density for solid in solids if not solid.support):
+        raise InputError(f"{where}, density: expected it with blocks whose file has none; this one says it of every block that is free")
     solids = [replace(solid, points=_scaled(solid, scale, where)) for solid in solids]
     loads: list[Acceleration | PointForce] = []
     title, gravity = "", GRAVITY
@@ -81,7 +84,7 @@ def read_compas(content: object, where: str, mu: float | None, density: float, s
         gravity, loads = loads_of(problem, {solid.name: solid for solid in solids}, where)
         if loads and scale not in (None, 1.0):
             raise InputError(f"{where}, scale: expected a problem with loads to be in SI units, got scale {scale}")
-    blocks = tuple(solid.block(density) for solid in solids)
+    blocks = tuple(solid.block(density or DENSITY) for solid in solids)
     every = (Acceleration((0.0, 0.0, -gravity)), *loads)
     return MasonryProblem("COMPAS", 3, blocks, 0.6 if mu is None else mu, loads=every, title=title)
 

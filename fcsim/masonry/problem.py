@@ -18,6 +18,8 @@ from fcsim.mesh.solids.mesh_skin import Cells
 
 GRAVITY = 9.81
 """[m/s^2]"""
+DENSITY = 2000.0
+"""[kg/m^3] of blocks that do not say theirs."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -47,6 +47,11 @@ def _of_the_model(analysis: LimitAnalysis) -> list[str]:
             f"nothing bears {_named(names, wedged)} from below, nor presses their joints: friction can hold them once they are wedged, "
             "which limit analysis counts; from rest they fall"
         )
+    if analysis.coulomb.dilatancy:
+        said.append(
+            "the rounds that find Coulomb's multiplier settle only where slip opens joints a little, by "
+            f"{analysis.coulomb.dilatancy:.2g} of mu: it is that of such a mechanism"
+        )
     thin = on_a_line(contacts, len(blocks), _THIN * analysis.problem.size) & ~held & ~loose
     if thin.any():
         where = "a point" if contacts.dimension == 2 else "a line or a point"

@@ -24,7 +24,7 @@ from fcsim.version import __version__
 def summary(analysis: LimitAnalysis, seen: Bracket | None) -> Mapping[str, object]:
     """What is known of the collapse load, in JSON's types."""
     found = {
-        law: {"outcome": limit.outcome, "multiplier": limit.multiplier, "rounds": limit.rounds, "span": limit.span}
+        law: {name: getattr(limit, name) for name in ("outcome", "multiplier", "rounds", "span", "dilatancy")}
         for law, limit in (("associative", analysis.associative), ("coulomb", analysis.coulomb), ("lowest", analysis.lowest))
     }
     simulated = None if seen is None else {"motion": seen.motion, "fall": seen.fall, "trials": seen.trials}

@@ -24,7 +24,7 @@ def add_model(command: argparse.ArgumentParser) -> None:
         help="a masonry problem or COMPAS model in JSON, solids (.stl, .obj, .ply, .off, .3mf, .glb), or a mesh (.msh, .vtu, "
         ".vtk, .xdmf, .inp, .mesh, .med) whose groups are blocks",
     )
-    command.add_argument("--density", type=float, default=2000.0, help="[kg/m^3] of blocks whose file has none (default 2000)")
+    command.add_argument("--density", type=float, help="[kg/m^3] of blocks whose file has none (default 2000)")
     command.add_argument("--scale", type=float, help="metres to a unit of length of surface, mesh and COMPAS files: 1e-3 for mm")
     command.add_argument("--array", metavar="NAME", help="of whole numbers of a mesh's cells that are its blocks (default: its groups)")
     command.add_argument("--support", action="append", default=[], metavar="NAME", help="solid that is held (default: a floor)")

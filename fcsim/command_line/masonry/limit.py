@@ -42,6 +42,8 @@ def _limit(options: argparse.Namespace) -> int:
     problem = problem if options.direction is None else pushed(problem, options.direction)
     if options.friction and options.thrust:
         raise InputError("--friction, --thrust: expected one of them, got both")
+    if options.friction and options.out is not None:
+        raise InputError("--out: expected it without --friction, whose answer is one number")
     if options.friction:
         return _friction(options, problem)
     if options.thrust:
@@ -56,8 +58,6 @@ def _friction(options: argparse.Namespace, problem: MasonryProblem) -> int:
 
     limit = limit_problem(problem, tolerance=options.tolerance)
     factor = friction_factor(limit, options.multiplier)
-    if options.out is not None:
-        raise InputError("--out: expected it without --friction, whose answer is one number")
     if options.json:
         say_json({"name": problem.name, "multiplier": options.multiplier, "friction_factor": factor})
         return EXIT_OK

@@ -23,8 +23,8 @@ def add_shake(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> 
         description="Shake the ground by the model's base_acceleration or a record; print how far blocks move and which fall.",
     )
     shake.add_argument("--record", type=Path, help="CSV, columns 't [s]' and 'a [m/s^2]' or 'a [g]', in place of base_acceleration")
-    shake.add_argument("--direction", type=direction, default=AXES["x"], help="of the record: x, 1,0.5,0 or =-x (default x)")
-    shake.add_argument("--factor", type=float, default=1.0, help="on the record's accelerations (default 1)")
+    shake.add_argument("--direction", type=direction, help="of the record: x, 1,0.5,0 or =-x (default x)")
+    shake.add_argument("--factor", type=float, help="on the record's accelerations (default 1)")
     shake.add_argument("--duration", type=float, help="[s] (default: the record's and 2 s)")
     shake.add_argument(
         "--h", type=float, help="[s] step (default: a hundredth of the time in which the smallest block falls by its extent)"
@@ -37,11 +37,15 @@ def _shake(options: argparse.Namespace) -> int:
     from fcsim.assembly.time_functions import read_acceleration_record
     from fcsim.masonry import shake, shaken
 
+    for name in ("direction", "factor"):
+        if options.record is None and getattr(options, name) is not None:
+            raise InputError(f"--{name}: expected it with --record")
+    factor = 1.0 if options.factor is None else options.factor
+    if not math.isfinite(factor):
+        raise InputError(f"--factor: expected a finite number, got {factor}")
     problem = read(options)
     if options.record is not None:
-        problem = shaken(problem, options.direction, read_acceleration_record(options.record).scaled(options.factor))
-    elif options.factor != 1.0:
-        raise InputError("--factor: expected it with --record")
+        problem = shaken(problem, options.direction or AXES["x"], read_acceleration_record(options.record).scaled(factor))
     with Bar("step") as bar:
 
         def watch(step: Step, steps: int) -> None:

@@ -102,6 +102,8 @@ def _refuse_what_needs_more(options: argparse.Namespace) -> None:
     for name in ("film", "export"):
         if getattr(options, name) and options.static:
             raise InputError(f"--{name}: expected it without --static, which simulates nothing")
+    if options.resolution != RESOLUTION and options.static:
+        raise InputError("--resolution: expected it without --static, which simulates nothing")
     if options.blocks != "rigid" and options.static:
         raise InputError("--blocks: expected it without --static: limit analysis knows rigid blocks alone")
     stone(options)
@@ -126,6 +128,7 @@ def _simulated(options: argparse.Namespace, analysis: LimitAnalysis) -> Bracket 
         watch=told,
         blocks=options.blocks,
         stone=stone(options),
+        tolerance=options.tolerance,
     )
 
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from fcsim.masonry.limit_analysis.joints import Joint, joints_of
 from fcsim.masonry.limit_analysis.limit import LimitLoad, associative_limit, coulomb_limit, lowest_limit
 from fcsim.masonry.limit_analysis.limit_problem import LimitProblem, limit_problem
@@ -32,5 +34,9 @@ def analyse(problem: MasonryProblem, tolerance: float | None = None) -> LimitAna
     if coulomb.outcome == "undecided":
         coulomb = least
     u = limit.H.T @ least.v[limit.free]
+    if least.dilatancy:  # what slip opens is no opening
+        parting = u.reshape(-1, problem.dimension)
+        slip = np.linalg.norm(parting[:, 1:], axis=1)
+        parting[:, 0] -= np.minimum(parting[:, 0], 1.001 * least.dilatancy * limit.contacts.mu * slip)
     names = tuple(block.name for block in problem.blocks)
     return LimitAnalysis(problem, limit, upper, coulomb, least, joints_of(limit.contacts, names, least.r, u))

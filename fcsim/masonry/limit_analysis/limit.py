@@ -27,6 +27,7 @@ from fcsim.masonry.limit_analysis.programs import ASTRAY, Answer, Program, slip_
 
 ROUNDS, _FURTHER = 60, 20  # of the fixed point; from further beginnings, once one has led to a state
 _SETTLED, _NEAR = 1e-5, 1e-3
+_FIRST_SHARE, _LEAST_SHARE = 0.5, 0.01  # of Coulomb's cones beside Tresca's disks, halved each time that rounds settle
 _JUMPS = 5  # rounds of the fixed point before it takes half steps
 _BY_CHANCE, _SEED = 2, 21  # beginnings of the fixed point with normal forces of chance
 
@@ -45,6 +46,7 @@ class LimitLoad:
     rounds        of the fixed point
     span          Coulomb: the least and the largest multiplier at which this mechanism and Coulomb's law go together: forces r that are
                   none where it opens, mu r_N against the slip where it slides, in the cone elsewhere. Checked by programs of their own
+    dilatancy     Coulomb: by how much slip opens joints still, as a share of mu: 0 but where rounds without any end in no state
     """
 
     law: Literal["associative", "Coulomb"]
@@ -54,6 +56,7 @@ class LimitLoad:
     v: FloatArray
     rounds: int = 0
     span: tuple[float, float] | None = None
+    dilatancy: float = 0.0
 
     __repr__ = brief
 
@@ -61,30 +64,32 @@ class LimitLoad:
 def associative_limit(problem: LimitProblem) -> LimitLoad:
     """Return the associative limit load: an upper bound of every load that Coulomb's friction bears."""
     dead, live = problem.dead, problem.live
-    stands = Program(problem, np.zeros_like(dead), dead).solve(at_most=1.0)
+    bearing = Program(problem, np.zeros_like(dead), dead)
+    stands = bearing.solve(at_most=1.0)
     law: Literal["associative"] = "associative"
     if stands is None:
         return _undecided(problem, law)
     if stands.multiplier < 1 - 1e-6:
-        return LimitLoad(law, "falls", 0.0, stands.r, stands.v)
+        return LimitLoad(law, "falls", 0.0, bearing.form.forces(stands.r), bearing.form.velocities(stands.v))
     if not np.abs(live).max() > 0:  # what stands has no mechanism: the program's dual is round-off there
-        return LimitLoad(law, "unbounded", np.inf, stands.r, np.zeros_like(dead))
+        return LimitLoad(law, "unbounded", np.inf, bearing.form.forces(stands.r), np.zeros_like(dead))
     program = Program(problem, dead, live)
     found = program.solve()
     if found is None:  # no maximum: is there equilibrium far beyond all proportions?
         found = program.solve(at_most=1e6 * program.natural)
         if found is None or found.multiplier < 0.99e6 * program.natural:
             return _undecided(problem, law)
-        return LimitLoad(law, "unbounded", np.inf, found.r, np.zeros_like(dead))
-    return LimitLoad(law, "limit", found.multiplier, found.r, found.v)
+        return LimitLoad(law, "unbounded", np.inf, program.form.forces(found.r), np.zeros_like(dead))
+    return LimitLoad(law, "limit", found.multiplier, program.form.forces(found.r), program.form.velocities(found.v))
 
 
 def coulomb_limit(problem: LimitProblem, start: LimitLoad) -> LimitLoad:
     """Return the multiplier at which Coulomb's friction allows a mechanism, by the fixed point from the associative answer `start` on."""
     if start.outcome != "limit":
         return LimitLoad("Coulomb", start.outcome, start.multiplier, start.r, start.v)
-    program, d = Program(problem, problem.dead, problem.live), problem.contacts.dimension
-    return _fixed_point(problem, program, start, np.maximum(start.r[::d], 0.0), ROUNDS)
+    program = Program(problem, problem.dead, problem.live)
+    found = _fixed_point(program, start, _normals(program, start), ROUNDS)
+    return found if found.outcome == "limit" else _dilatant(program, start) or found
 
 
 def lowest_limit(problem: LimitProblem, start: LimitLoad, known: LimitLoad) -> LimitLoad:
@@ -96,34 +101,43 @@ def lowest_limit(problem: LimitProblem, start: LimitLoad, known: LimitLoad) -> L
     if start.outcome != "limit":
         return known
     program, least = Program(problem, problem.dead, problem.live), known
-    for normals in _beginnings(problem, start):
+    for normals in _beginnings(problem, program, start):
         decided = least.outcome == "limit"
-        found = _fixed_point(problem, program, start, normals, _FURTHER if decided else ROUNDS)
+        found = _fixed_point(program, start, normals, _FURTHER if decided else ROUNDS)
         if found.outcome == "limit" and (not decided or found.multiplier < least.multiplier):
             least = found
     return least
 
 
-def _beginnings(problem: LimitProblem, start: LimitLoad) -> Iterator[FloatArray]:
-    """Normal forces (nc,) [N] from which fixed points are sought besides the associative ones."""
-    d, dead = problem.contacts.dimension, problem.dead
-    normals = np.maximum(start.r[::d], 0.0)
+def _beginnings(problem: LimitProblem, program: Program, start: LimitLoad) -> Iterator[FloatArray]:
+    """Normal forces (nc,) of the program from which fixed points are sought besides the associative ones."""
+    dead, normals = problem.dead, _normals(program, start)
     yield np.zeros_like(normals)
-    stands = Program(problem, np.zeros_like(dead), dead).solve(at_most=1.0)
+    alone = Program(problem, np.zeros_like(dead), dead)
+    stands = alone.solve(at_most=1.0)
     if stands is not None:
-        yield np.maximum(stands.r[::d], 0.0)
+        yield _of_normals(program, alone.form.forces(stands.r))
     dice = np.random.default_rng(_SEED)
     for _ in range(_BY_CHANCE):
         yield normals * dice.uniform(0.0, 2.0, len(normals))
 
 
-def _fixed_point(problem: LimitProblem, program: Program, start: LimitLoad, given: FloatArray, most: int) -> LimitLoad:
-    """The state of collapse in which the normal forces of Tresca's law are those of its answer, from `given` (nc,) [N] on, in at
+def _normals(program: Program, start: LimitLoad) -> FloatArray:
+    """The normal forces (nc,) of a limit load in the program's form."""
+    return _of_normals(program, start.r)
+
+
+def _of_normals(program: Program, r: FloatArray) -> FloatArray:
+    return np.maximum(program.form.own_forces(r)[:: program.form.dimension], 0.0)
+
+
+def _fixed_point(program: Program, start: LimitLoad, given: FloatArray, most: int) -> LimitLoad:
+    """The state of collapse in which the normal forces of Tresca's law are those of its answer, from `given` (nc,) on, in at
     most so many rounds.
 
     Where the rounds go on without one, the least of the mechanisms that they passed and that were certified.
     """
-    d = problem.contacts.dimension
+    d = program.form.dimension
     last = start.multiplier
     certified: LimitLoad | None = None
     for rounds in range(1, most + 1):
@@ -132,7 +146,7 @@ def _fixed_point(problem: LimitProblem, program: Program, start: LimitLoad, give
             break
         settled = abs(found.multiplier - last) <= _SETTLED * max(abs(last), 1e-3 * program.natural)
         # a program that is linear settles, and only then is worth its certificate; cones wander among mechanisms
-        state = _state_of_collapse(problem, program, found, rounds) if settled or d == 3 or rounds == most else None
+        state = _state_of_collapse(program, found, rounds) if settled or d == 3 or rounds == most else None
         if state is not None and state.span is not None:
             near = _NEAR * max(abs(last), 1e-3 * program.natural)
             if settled and state.span[0] - near <= found.multiplier <= state.span[1] + near:
@@ -145,14 +159,36 @@ def _fixed_point(problem: LimitProblem, program: Program, start: LimitLoad, give
     return certified or LimitLoad("Coulomb", "undecided", min(last, start.multiplier), start.r, start.v, most)
 
 
-def _state_of_collapse(problem: LimitProblem, program: Program, found: Answer, rounds: int) -> LimitLoad | None:
+def _dilatant(program: Program, start: LimitLoad) -> LimitLoad | None:
+    """The state of collapse with slip that opens joints by the least share of mu at which rounds settle; None: nowhere.
+
+    Friction is bounded by mu ((1 - share) N + share r_N): between Tresca's disks, whose rounds may jump among forces that bear nothing, and
+    Coulomb's cones, which bear what can be borne.
+    """
+    d, share, last, least = program.form.dimension, _FIRST_SHARE, start.multiplier, None
+    given = _normals(program, start)
+    for rounds in range(1, ROUNDS + 1):
+        found = program.solve(given=given, share=share)
+        if found is None or share < _LEAST_SHARE:
+            break
+        normals = np.maximum(found.r[::d], 0.0)
+        given = normals if rounds <= _JUMPS else 0.5 * (given + normals)
+        if abs(found.multiplier - last) <= _SETTLED * max(abs(last), 1e-3 * program.natural):
+            state = _state_of_collapse(program, found, rounds, share)
+            least, share = state or least, 0.5 * share
+        last = found.multiplier
+    return least
+
+
+def _state_of_collapse(program: Program, found: Answer, rounds: int, dilatancy: float = 0.0) -> LimitLoad | None:
     """The answer's mechanism with forces that belong to it under Coulomb's law, at the least multiplier where they do; None: nowhere."""
-    slip = slip_of(problem, found.v)
-    for astray in ASTRAY[problem.contacts.dimension]:
+    slip, form = slip_of(program, found.v, dilatancy), program.form
+    for astray in ASTRAY[form.dimension]:
         least = program.solve(slip=replace(slip, astray=astray), sign=-1.0)
         most = None if least is None else program.solve(slip=replace(slip, astray=astray))
         if least is not None and most is not None:
-            return LimitLoad("Coulomb", "limit", least.multiplier, least.r, found.v, rounds, (least.multiplier, most.multiplier))
+            r, v, span = form.forces(least.r), form.velocities(found.v), (least.multiplier, most.multiplier)
+            return LimitLoad("Coulomb", "limit", least.multiplier, r, v, rounds, span, dilatancy)
     return None
 
 

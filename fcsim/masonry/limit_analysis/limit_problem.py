@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.sparse as sp
 
-from fcsim.arrays import FloatArray, IntArray
+from fcsim.arrays import FloatArray, IntArray, is_number
 from fcsim.assembly.model import Model, build_model
-from fcsim.brief import brief
+from fcsim.brief import brief, shown
 from fcsim.contact_detection import Contacts, Everything
 from fcsim.contact_detection.contact_matrix import contact_matrix
 from fcsim.errors import InputError
@@ -48,6 +48,8 @@ def limit_problem(problem: MasonryProblem, *, tolerance: float | None = None) ->
     overlap, as the witness sees them.
     """
     expect_problem(problem, "limit analysis")
+    if tolerance is not None and not (is_number(tolerance) and tolerance > 0):
+        raise InputError(f"tolerance: expected a distance > 0 in m, got {shown(tolerance)}")
     if problem.shaking:
         raise InputError(f"limit analysis of {problem.name!r}: expected ground at rest, got base_acceleration: see `fcsim shake`")
     bodies = rigid_blocks(problem)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import scipy  # whose optimize is loaded where it is used
 import scipy.sparse as sp
 
 from fcsim.arrays import BoolArray, FloatArray, IntArray
+from fcsim.masonry.limit_analysis.canonical import DIGITS, canonical
 from fcsim.masonry.limit_analysis.limit_problem import LimitProblem
 from fcsim.solvers.variational.conic import clarabel_module
 
@@ -18,6 +19,7 @@ _ROUGH = 1e3
 """Friction beyond it (an angle of 89.94 degrees) counts as this, so that numbers stay near 1."""
 _NEAR_NONE = 1e-6  # of a natural multiplier: where a mechanism goes at none, forces that belong to it may lie beside it
 _STILL = {2: 1e-7, 3: 1e-4}  # of the largest contact velocity; interior points are rounder than corners
+_OPENS = 1.001  # of the dilatancy, which is met to the digits of a program
 ASTRAY = {2: (0.0,), 3: (1e-7, 1e-4)}
 """Shares of mu r_N, one after the other, by which friction may differ from what the slip asks: in space its direction is known to some
 digits alone, and where it decides all forces none would meet it exactly."""
@@ -34,20 +36,21 @@ class Slip:
     astray: float = 0.0
 
 
-def slip_of(problem: LimitProblem, v: FloatArray) -> Slip:
-    """What the mechanism v (n_dofs,) asks of contact forces; a contact far slower than the fastest one is at rest."""
-    d = problem.contacts.dimension
-    u = (problem.H.T @ v[problem.free]).reshape(-1, d)
+def slip_of(program: Program, v: FloatArray, dilatancy: float = 0.0) -> Slip:
+    """What the program's mechanism v (n,) asks of contact forces; a contact far slower than the fastest one is at rest, and one that
+    parts no faster than dilatancy mu times its slip slides."""
+    d = program.form.dimension
+    u = (program.form.H.T @ v).reshape(-1, d)
     none = _STILL[d] * max(float(np.abs(u).max()), 1e-300)
     speed = np.linalg.norm(u[:, 1:], axis=1)
-    opens = u[:, 0] > none
+    opens = u[:, 0] > none + _OPENS * dilatancy * program.mu * speed
     slides = ~opens & (speed > none)
     return Slip(opens, slides, u[:, 1:] / np.where(slides, speed, 1.0)[:, None])
 
 
 @dataclass(frozen=True, eq=False)
 class Answer:
-    """A program's optimum: the multiplier lambda, contact forces r (m,) [N] and the mechanism v, the dual."""
+    """A program's optimum: the multiplier lambda, contact forces r (m,) and the mechanism v (n,), the dual, both in the program's form."""
 
     multiplier: float
     r: FloatArray
@@ -55,33 +58,27 @@ class Answer:
 
 
 class Program:
-    """max lambda subject to H r + dead + lambda live = 0 and friction.
+    """max lambda subject to H r + dead + lambda live = 0 and friction, in the form of `canonical`: its numbers are near 1 whatever the
+    units and however unlike the loads, since the tolerances of the programs' solvers are absolute.
 
-    Its numbers are near 1 whatever the units and however unlike the loads, since the tolerances of the programs' solvers are absolute:
-    forces in units of `force` [N], multipliers in units of `natural`, moments over the structure's extent where that is not of the order of
-    a metre. Where both kinds of loads are of one order, `force` is the largest and `natural` 1.
+    Multipliers are in units of `natural`, which is 1 where both kinds of loads are of one order.
     """
 
-    def __init__(self, problem: LimitProblem, dead: FloatArray, live: FloatArray) -> None:
-        contacts = problem.contacts
-        problem = replace(problem, contacts=replace(contacts, mu=np.minimum(contacts.mu, _ROUGH)))
-        self.problem = problem
-        size, arm = problem.problem.size, np.ones(problem.model.n_dofs)
-        if not 1 / _ALIKE < size < _ALIKE:
-            problem.model.rigid_part(arm)[:, problem.model.dimension :] = 1 / size
-        self.arm = arm[problem.free]
-        dead, live = self.arm * dead[problem.free], self.arm * live[problem.free]
-        stays, grows = float(np.abs(dead).max()), float(np.abs(live).max())
+    def __init__(self, problem: LimitProblem, dead: FloatArray, live: FloatArray, digits: int = DIGITS) -> None:
+        form = canonical(problem, dead, live, digits)
+        self.mu = np.minimum(form.mu, _ROUGH)
+        self.form = form
+        stays, grows = float(np.abs(form.dead).max(initial=0.0)), float(np.abs(form.live).max(initial=0.0))
         alike = not (stays and grows) or 1 / _ALIKE < grows / stays < _ALIKE
-        self.force = (max(stays, grows) if alike else stays) or 1.0
         self.natural = 1.0 if alike else stays / grows
-        self.dead, self.live = dead / self.force, live * (self.natural / self.force)
-        self.balance = sp.hstack([sp.diags_array(self.arm) @ problem.H, sp.csc_array(self.live[:, None])], format="csc")
+        self.live = form.live * self.natural
+        self.balance = sp.hstack([form.H, sp.csc_array(self.live[:, None])], format="csc")
 
     def solve(
         self,
         *,
         given: FloatArray | None = None,
+        share: float = 0.0,
         slip: Slip | None = None,
         at_least: float = 0.0,
         at_most: float = np.inf,
@@ -89,57 +86,58 @@ class Program:
     ) -> Answer | None:
         """The largest lambda <= at_most, or with sign = -1 the least >= at_least; None where the program has no answer.
 
-        given (nc,) [N]: the normal forces of Tresca's disks in place of Coulomb's cones; slip: the mechanism to which forces are to belong.
+        given (nc,): the normal forces of Tresca's disks in place of Coulomb's cones, of which a `share` stays: friction is
+        mu ((1 - share) given + share r_N); slip: the mechanism to which forces are to belong.
         """
         low = at_least / self.natural if slip is None else -_NEAR_NONE
-        heads = None if given is None else given / self.force
-        found = (self._linear if self.problem.contacts.dimension == 2 else self._conic)(heads, slip, (low, at_most / self.natural), sign)
+        bounds = low, at_most / self.natural
+        found = (self._linear if self.form.dimension == 2 else self._conic)(given, share, slip, bounds, sign)
         if found is None:
             return None
         multiplier, r, dual = found
-        v = np.zeros(self.problem.model.n_dofs)
+        v = np.zeros(len(self.live))
         dual = dual[: len(self.live)]
-        power = float(self.live @ dual) * (self.force / self.natural)
+        power = float(self.live @ dual) / self.natural
         if power != 0:
-            v[self.problem.free] = self.arm * dual / power
+            v = dual / (power * self.form.force)
         multiplier = max(multiplier, low if slip is None else 0.0)  # interior points come to bounds from either side
-        return Answer(multiplier * self.natural + 0.0, r * self.force, v)  # + 0.0: none, not -0
+        return Answer(multiplier * self.natural + 0.0, r, v)  # + 0.0: none, not -0
 
     def _equal(self, rows: sp.csc_array | None) -> tuple[sp.csc_array, FloatArray]:
         """Equilibrium, and rows whose product with (r, lambda) is zero."""
         if rows is None:
-            return self.balance, -self.dead
-        return sp.vstack([self.balance, rows], format="csc"), np.append(-self.dead, np.zeros(rows.shape[0]))
+            return self.balance, -self.form.dead
+        return sp.vstack([self.balance, rows], format="csc"), np.append(-self.form.dead, np.zeros(rows.shape[0]))
 
     def _none(self, slip: Slip) -> sp.csc_array:
         """Rows whose product with (r, lambda) are the forces where the mechanism opens."""
-        d, size = self.problem.contacts.dimension, self.problem.H.shape[1] + 1
+        d, size = self.form.dimension, self.form.H.shape[1] + 1
         none = (d * np.flatnonzero(slip.opens)[:, None] + np.arange(d)).ravel()
         return sp.csc_array((np.ones(len(none)), (np.arange(len(none)), none)), shape=(len(none), size))
 
     def _friction_off(self, slip: Slip) -> sp.csc_array:
         """Rows whose product with (r, lambda) is r_T + mu r_N t at every contact that slides."""
-        d, mu = self.problem.contacts.dimension, self.problem.contacts.mu
+        d, mu = self.form.dimension, self.mu
         sliding = np.flatnonzero(slip.slides)
         count = (d - 1) * len(sliding)
         tangents = (d * sliding[:, None] + np.arange(1, d)).ravel()
         against = (mu[sliding, None] * slip.along[sliding]).ravel()
         columns = np.concatenate([tangents, np.repeat(d * sliding, d - 1)])
         values = np.concatenate([np.ones(count), against])
-        return sp.csc_array((values, (np.tile(np.arange(count), 2), columns)), shape=(count, self.problem.H.shape[1] + 1))
+        return sp.csc_array((values, (np.tile(np.arange(count), 2), columns)), shape=(count, self.form.H.shape[1] + 1))
 
     def _linear(
-        self, given: FloatArray | None, slip: Slip | None, bounds: tuple[float, float], sign: float
+        self, given: FloatArray | None, share: float, slip: Slip | None, bounds: tuple[float, float], sign: float
     ) -> tuple[float, FloatArray, FloatArray] | None:
         equal, right = self._equal(None if slip is None else sp.vstack([self._none(slip), self._friction_off(slip)], format="csc"))
-        mu, nc = self.problem.contacts.mu, len(self.problem.contacts)
+        mu, nc = self.mu, len(self.mu)
         a = np.arange(nc)
-        cone = mu if given is None else np.zeros(nc)
+        cone = mu if given is None else share * mu
         values = np.concatenate([np.ones(nc), -cone, -np.ones(nc), -cone])
         rows = np.concatenate([a, a, nc + a, nc + a])
         columns = np.concatenate([2 * a + 1, 2 * a, 2 * a + 1, 2 * a])
         friction = sp.csc_array((values, (rows, columns)), shape=(2 * nc, 2 * nc + 1))
-        most = np.zeros(2 * nc) if given is None else np.tile(mu * given, 2)
+        most = np.zeros(2 * nc) if given is None else np.tile((1 - share) * mu * given, 2)
         limits = np.stack([np.append(np.tile([0.0, -np.inf], nc), bounds[0]), np.append(np.full(2 * nc, np.inf), bounds[1])], axis=1)
         cost = np.zeros(2 * nc + 1)
         cost[-1] = -sign
@@ -151,11 +149,11 @@ class Program:
         return float(answer.x[-1]), answer.x[:-1], np.asarray(answer.eqlin.marginals)
 
     def _conic(
-        self, given: FloatArray | None, slip: Slip | None, bounds: tuple[float, float], sign: float
+        self, given: FloatArray | None, share: float, slip: Slip | None, bounds: tuple[float, float], sign: float
     ) -> tuple[float, FloatArray, FloatArray] | None:
         clarabel = clarabel_module()
         equal, right = self._equal(None if slip is None else self._none(slip))
-        mu, nc, d = self.problem.contacts.mu, len(self.problem.contacts), self.problem.contacts.dimension
+        mu, nc, d = self.mu, len(self.mu), self.form.dimension
         size = d * nc + 1
         normal = d * np.arange(nc)
         tangents = (normal[:, None] + np.arange(1, d)).ravel()
@@ -166,9 +164,9 @@ class Program:
                 rows.append(sp.csc_array((np.array([direction]), ([0], [size - 1])), shape=(1, size)))
                 sides.append(np.array([direction * bound]))
         lines = sum(len(side) for side in sides[1:])
-        weight, heads = (mu, np.zeros(d * nc)) if given is None else (np.zeros(nc), np.zeros(d * nc))
+        weight, heads = mu if given is None else share * mu, np.zeros(d * nc)
         if given is not None:
-            heads[normal] = mu * given
+            heads[normal] = (1 - share) * mu * given
         entries = np.concatenate([normal, tangents])
         rows.append(sp.csc_array((np.concatenate([-weight, -np.ones(len(tangents))]), (entries, entries)), shape=(d * nc, size)))
         count = nc

@@ -21,6 +21,7 @@ from fcsim.masonry.limit_analysis.programs import Program
 
 _UNBOUNDED = 1e4
 """Times all loads: forces that can be larger than this can be as large as one likes, by wedging."""
+_EXACT = 15  # digits: a bound is one number, which no rounds enlarge
 _STANDS = 1 - 1e-6  # of the loads
 
 
@@ -66,7 +67,7 @@ def _of_support(problem: LimitProblem, H: sp.csr_array, load: FloatArray, number
         free = np.union1d(problem.free, [dof])
         along = np.zeros(model.n_dofs)
         along[dof] = 1.0
-        program = Program(replace(problem, H=H[free], free=free, live=along), load, along)
+        program = Program(replace(problem, H=H[free], free=free, live=along), load, along, _EXACT)
         for row, sign in enumerate((-1.0, 1.0)):
             answer = program.solve(at_least=-most, at_most=most, sign=sign)
             value = np.nan if answer is None else answer.multiplier

@@ -85,7 +85,7 @@ def test_an_undecided_limit_is_not_above_the_associative_one(monkeypatch: pytest
     """Tresca's program may allow more than Coulomb's cones before it allows nothing at all."""
     problem = limit_problem(pushed(stone_on_floor(), (1.0, 0.0, 0.0)))
     upper = associative_limit(problem)
-    answers = iter([Answer(2 * upper.multiplier, upper.r, np.zeros_like(upper.v))])
+    answers = iter([Answer(2 * upper.multiplier, upper.r, np.zeros(len(problem.free)))])
     monkeypatch.setattr(Program, "solve", lambda self, *, given=None, **_: next(answers, None) if given is not None else None)
     found = coulomb_limit(problem, upper)
     assert found.outcome == "undecided" and found.multiplier == upper.multiplier

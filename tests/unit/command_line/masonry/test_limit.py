@@ -5,11 +5,12 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from fcsim.command_line.main import main
-from fcsim.errors import EXIT_OK
-from fcsim.masonry import MasonryProblem, pushed, write_masonry
+from fcsim.errors import EXIT_BAD_INPUT, EXIT_OK, InputError
+from fcsim.masonry import LimitProblem, MasonryProblem, collapse, pushed, write_masonry
 from fcsim.masonry.atlas.shapes import cuboid, one_block
 
 
@@ -34,3 +35,49 @@ def test_what_is_wedged_is_not_said_to_need_no_friction(tmp_path: Path, capsys: 
     walls = [cuboid(name, (x, 0.0, 0.0), (x + 1.0, 0.4, 0.5), support=True) for name, x in (("left", -1.0), ("right", 0.4))]
     problem = MasonryProblem("chimney", 2, (*walls, cuboid("stone", (0.0, 0.0, 0.0), (0.4, 0.4, 0.5))), 0.9)
     assert "stands with a thousandth of its friction" in said_of(problem, tmp_path / "chimney.json", ["--friction"], capsys)
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["--density=-5"], "density: expected a number > 0 in kg/m^3, got -5"),
+        (["--density", "1500"], "density: expected it with blocks whose file has none"),
+        (["--tolerance=-1"], "tolerance: expected a distance > 0 in m, got -1"),
+        (["--tolerance=nan"], "tolerance: expected a distance > 0 in m, got nan"),
+    ],
+)
+def test_options_that_say_nothing_possible_or_nothing_new_are_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], options: list[str], said: str
+) -> None:
+    """Negative densities, and those of blocks that have theirs, were passed over; a negative tolerance was named as detection names it."""
+    write_masonry(tmp_path / "block.json", pushed(one_block(0.4, 1.0, 0.3), (1.0, 0.0, 0.0)))
+    assert main(["limit", str(tmp_path / "block.json"), *options]) == EXIT_BAD_INPUT
+    assert said in capsys.readouterr().err
+
+
+def test_a_folder_for_one_number_is_refused_before_it_is_computed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write_masonry(tmp_path / "block.json", pushed(one_block(0.4, 1.0, 0.3), (1.0, 0.0, 0.0)))
+    monkeypatch.setattr("fcsim.masonry.friction_factor", None)
+    assert main(["limit", str(tmp_path / "block.json"), "--friction", "--out", str(tmp_path / "out")]) == EXIT_BAD_INPUT
+    assert "--out: expected it without --friction" in capsys.readouterr().err
+
+
+def test_trials_begin_from_joints_that_the_tolerance_closes(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A block 1 mm above its floor touches it at a tolerance of 2 mm; the bracket took it to hang in the air."""
+    block, lift = one_block(0.4, 1.0, 0.3), np.array([0.0, 0.0, 1e-3])
+    lifted = [b if b.support else replace(b, surface=replace(b.surface, points=b.surface.points + lift)) for b in block.blocks]
+    problem = pushed(replace(block, blocks=tuple(lifted)), (1.0, 0.0, 0.0))
+    asked: list[float | None] = []
+
+    def asked_for(problem: MasonryProblem, *, tolerance: float | None = None) -> LimitProblem:
+        asked.append(tolerance)
+        raise InputError("enough")  # before any trial
+
+    monkeypatch.setattr(collapse, "limit_problem", asked_for)
+    write_masonry(tmp_path / "block.json", problem)
+    assert main(["push", str(tmp_path / "block.json"), "--tolerance", "2e-3"]) == EXIT_BAD_INPUT
+    assert asked == [2e-3] and "enough" in capsys.readouterr().err

@@ -121,6 +121,10 @@ def test_a_film_of_a_tilt_says_the_angle(model: Path) -> None:
         (["push", "--direction", "x", "--resolution", "2"], "resolution: expected a share"),
         (["limit", "--mu", "-1"], "mu: expected"),
         (["push", "--direction", "x", "--film"], "--out DIR"),
+        (["tilt", "--static", "--resolution", "0.1"], "--resolution: expected it without --static"),
+        (["shake", "--direction", "y"], "--direction: expected it with --record"),
+        (["shake", "--factor", "1"], "--factor: expected it with --record"),
+        (["shake", "--record", "none.csv", "--factor", "inf"], "--factor: expected a finite number, got inf"),
     ],
 )
 def test_what_cannot_be_asked(model: Path, arguments: list[str], message: str, capsys: pytest.CaptureFixture[str]) -> None:
