@@ -121,4 +121,5 @@ def test_strong_shaking_obeys_coulomb_and_the_balances() -> None:
     assert min(step.energy.friction_dissipation for step in steps) >= -1e-9 * scale
     assert sum(step.energy.tangential_dissipation for step in steps) > 0.1 * given
     assert steps[-1].energy.kinetic < 1e-3 * max(step.energy.kinetic for step in steps)
-    assert np.abs(sensors["top_u"][-1]) > 1e-3 and sensors["top_joint"].max() > 1e-3
+    assert np.abs(sensors["top_u"][-1]) > 1e-3
+    assert 1e-5 < sensors["top_joint"].max() < 1e-3  # courses slide as one
