@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import subprocess
 import sys
 import threading
@@ -54,6 +55,7 @@ class WorkerProcess:
         self._process: subprocess.Popen[str] | None = None
         self._said: IO[str] | None = None
         self._pipes: list[IO[str]] = []
+        self._folder = ""
 
     def _start(self) -> subprocess.Popen[str]:
         environment = {key: value for key, value in os.environ.items() if key.partition("_")[0] not in _MPI_VARIABLES}
@@ -73,7 +75,8 @@ class WorkerProcess:
         )
         self._process = process
         self._pipes = [pipe for pipe in (process.stdin, process.stdout, self._said) if pipe is not None]
-        self._ask({**asdict(self.settings), "cores": self.pinned})
+        ready = self._ask({**asdict(self.settings), "cores": self.pinned})
+        self._folder = ready["folder"] if ready is not None else ""
         return process
 
     def _ask(self, question: Mapping[str, object]) -> Row | None:
@@ -121,6 +124,8 @@ class WorkerProcess:
         except subprocess.TimeoutExpired:
             process.kill()
             process.wait()
+            if self._folder:  # which it could not remove
+                shutil.rmtree(self._folder, ignore_errors=True)
 
     def close(self) -> None:
         """Close what was written to and read from processes that have ended, once no thread waits for them."""

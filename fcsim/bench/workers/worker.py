@@ -25,6 +25,7 @@ from datetime import UTC, datetime
 from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import IO
 
 from fcsim.bench.fclib_problem import FclibProblem, read_problem
 from fcsim.bench.results import SLACK, Measurement
@@ -47,6 +48,8 @@ KEPT = 2
 """Problems a worker keeps in memory."""
 STARTING = 120.0
 """[s] that Siconos may take to start and read a problem."""
+LEAVE_AGAIN = 0.5
+"""[s] after which a worker that was told to end and still works is told again."""
 
 
 @dataclass(frozen=True)
@@ -226,11 +229,15 @@ class Worker:
 
 
 def _leave(*_: object) -> None:
+    """End by unwinding, which ends the child and removes the temporary folder; again where the exception was forgotten: Python drops what
+    is raised in hooks of a fork and in callbacks of weak references."""
+    signal.setitimer(signal.ITIMER_REAL, LEAVE_AGAIN)
     raise SystemExit(143)
 
 
 def main() -> int:
-    signal.signal(signal.SIGTERM, _leave)  # ends the child and removes the temporary folder
+    for told in (signal.SIGTERM, signal.SIGALRM):
+        signal.signal(told, _leave)
     die_with_parent(signal.SIGTERM)
     replies = os.fdopen(os.dup(1), "w", buffering=1, encoding="utf-8")
     os.dup2(2, 1)  # what libraries print does not mix with the replies
@@ -240,17 +247,25 @@ def main() -> int:
         os.sched_setaffinity(0, cores)
     with TemporaryDirectory(prefix="fcsim-bench-") as folder:
         try:
-            worker = Worker(Settings(**settings), Path(folder))
+            return _serve(settings, Path(folder), replies)
+        finally:
+            signal.setitimer(signal.ITIMER_REAL, 0.0)
+
+
+def _serve(settings: Row, folder: Path, replies: IO[str]) -> int:
+    """Reply to each request until there are no more."""
+    try:
+        worker = Worker(Settings(**settings), folder)
+    except InputError as error:
+        print(json.dumps({"input_error": str(error)}), file=replies)
+        return 2
+    print(json.dumps({"folder": str(folder)}), file=replies)
+    for line in sys.stdin:
+        try:
+            reply = asdict(worker.measure(Request(**json.loads(line))))
         except InputError as error:
-            print(json.dumps({"input_error": str(error)}), file=replies)
-            return 2
-        print(json.dumps({"ready": True}), file=replies)
-        for line in sys.stdin:
-            try:
-                reply = asdict(worker.measure(Request(**json.loads(line))))
-            except InputError as error:
-                reply = {"input_error": str(error)}
-            print(json.dumps(reply), file=replies)
+            reply = {"input_error": str(error)}
+        print(json.dumps(reply), file=replies)
     return 0
 
 
