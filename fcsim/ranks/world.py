@@ -143,6 +143,8 @@ class World:
         all_ranks = np.empty((self.size, 2), dtype=np.int64)
         self._wait(self._data.Iallgather(mine, all_ranks))
         self._count(mine.nbytes, self.size - 1)
+        if not text and all_ranks.tobytes() == mine.tobytes() * self.size:  # thirty times a step
+            return
         if all_ranks[:, 1].any():
             texts = self._gathered(np.frombuffer(text, dtype=np.uint8), all_ranks[:, 1])
             bounds = np.concatenate([[0], np.cumsum(all_ranks[:, 1])])

@@ -70,10 +70,11 @@ def times_columns(indptr, indices, data, x, size):
 
 
 @njit(cache=True)
-def times_columns_between(indptr, indices, data, x, first, last, y):
-    """Add to y (n,) the rows first, ..., last - 1 of A x of A (n, m) by columns, whose rows ascend, for x (m,): in the order of
-    `times_columns`. Columns of which all rows are others are passed over."""
-    m, j = len(indptr) - 1, 0
+def columns_between(indptr, indices, first, last):
+    """Which columns of A (n, m), whose rows ascend, have rows among first, ..., last - 1: j where these are all of its rows, and of the two
+    columns after it, which are left out; else -j - 1."""
+    m, j, count = len(indptr) - 1, 0, 0
+    found = np.empty(m, dtype=np.int64)
     while j < m:
         a = indptr[j]
         n = indptr[j + 1] - a
@@ -86,17 +87,29 @@ def times_columns_between(indptr, indices, data, x, first, last, y):
         while alike and k < a + n:
             alike = indices[k] == indices[k + n] and indices[k] == indices[k + 2 * n]
             k += 1
-        if alike:
+        found[count] = j if alike else -j - 1
+        count += 1
+        j += 3 if alike else 1
+    return found[:count].copy()
+
+
+@njit(cache=True)
+def times_columns_between(which, indptr, indices, data, x, first, last, y):
+    """Add to y (n,) the rows first, ..., last - 1 of A x of A (n, m) by columns for x (m,), in the order of `times_columns`; which: the
+    columns as `columns_between` has them."""
+    for j in which:
+        if j >= 0:
+            a = indptr[j]
+            n = indptr[j + 1] - a
             r, s, t = x[j], x[j + 1], x[j + 2]
             for k in range(a, a + n):
                 e, i = np.uint64(k), np.uint64(indices[k])
                 y[i] = ((y[i] + data[e] * r) + data[np.uint64(k + n)] * s) + data[np.uint64(k + 2 * n)] * t
-            j += 3
             continue
-        for k in range(a, a + n):
+        j = -j - 1
+        for k in range(indptr[j], indptr[j + 1]):
             if first <= indices[k] < last:
                 y[indices[k]] += data[k] * x[j]
-        j += 1
 
 
 @njit(cache=True)

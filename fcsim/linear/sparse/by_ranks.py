@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import weakref
+
 import numpy as np
 import scipy.sparse as sp
 
@@ -42,10 +44,26 @@ def times_by_ranks(A: sp.sparray | FloatArray, x: FloatArray) -> FloatArray:
 
     def multiply(begin: int, end: int) -> None:
         product[begin:end] = 0.0
-        kernels.times_columns_between(A.indptr, A.indices, A.data, x, begin, end, product)
+        kernels.times_columns_between(_columns_between(A, begin, end), A.indptr, A.indices, A.data, x, begin, end, product)
 
     in_parts("H r", len(product), 0, multiply, product)
     return product
+
+
+_between: dict[int, tuple[weakref.ref[IntArray], IntArray, tuple[int, int], IntArray]] = {}
+"""By the number of its indptr, of a pattern that is still there: its indices, rows, and the columns that have entries in these."""
+
+
+def _columns_between(A: sp.csc_array, first: int, last: int) -> IntArray:
+    """The columns with entries in the rows first, ..., last - 1, see `columns_between`; those of a pattern are found once: to look through
+    all columns takes as long as a product with these."""
+    indptr, number = A.indptr, id(A.indptr)
+    known = _between.get(number)
+    if known is not None and known[0]() is indptr and has_pattern(A, indptr, known[1]) and known[2] == (first, last):
+        return known[3]
+    found: IntArray = kernels.columns_between(indptr, A.indices, first, last)
+    _between[number] = weakref.ref(indptr, lambda _: _between.pop(number, None)), A.indices, (first, last), found
+    return found
 
 
 class RowsKept:

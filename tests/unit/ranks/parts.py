@@ -94,6 +94,13 @@ def products() -> list[str]:
             product = times_by_ranks(rows, r)
             assert np.array_equal(product, rows @ r)
             found.append(digest(product))
+            for below in (0, 500):  # the pattern of the last one with other values, and its indptr with other indices
+                for values in (np.sin(rows.data), np.cos(rows.data)):
+                    B = sp.csc_array((values, rows.indices + below, rows.indptr), shape=(1000, columns))
+                    B.has_canonical_format = True
+                    product = times_by_ranks(B, r)
+                    assert np.array_equal(product, B @ r)
+                    found.append(digest(product))
     return found
 
 
