@@ -33,6 +33,12 @@ def boundary_of(model: Model) -> Boundary:
     return _boundary(model, model.bodies)
 
 
+def boundary_of_deformable(model: Model) -> Boundary:
+    """The same of the deformable bodies alone; as many places a facet as corners, 2 in 2D."""
+    found = _boundary(model, model.deformable)
+    return found._replace(facets=found.facets[:, : 2 if model.dimension == 2 else 4])
+
+
 def joined_by_facets(model: Model, nodes: IntArray) -> sp.csr_array:
     """Return (n_nodes, n_nodes) which of the nodes lie on the boundary of a deformable body and share a facet; each does with itself."""
     facets = _boundary(model, model.deformable).facets

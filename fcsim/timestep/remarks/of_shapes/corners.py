@@ -1,0 +1,107 @@
+"""What is said of deformable bodies that roll on the corners between their facets: each corner that comes down is an impact."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fcsim.arrays import BoolArray, FloatArray
+from fcsim.assembly.kinematics.deformation import Deformation
+from fcsim.assembly.model import Model
+from fcsim.contact_detection.skin.boundary import boundary_of_deformable
+from fcsim.contact_detection.surfaces.model_surfaces import bulges_of_all_chords
+from fcsim.contact_detection.surfaces.surface import ContactSurface
+from fcsim.timestep.remarks.of_laws.carried_round import has_turned
+from fcsim.timestep.step import Step
+
+TAKEN = 0.02
+"""Of the energy that the run began with and was supplied with: less is not said."""
+ROLLED = 0.5
+"""[rad] Through which a body has turned since it first bore: less is a blow, or a body that settles."""
+
+
+class Corners:
+    """The remark on the first round body that lost more than `TAKEN` of the energy there to its own corners: call it with steps in turn.
+
+    A body of facets of length L that rolls at omega turns about the corner that bears until the next one comes down, with up to omega L
+    where a curve would with 0. What contact takes of that is r_N times the mean of u_N before and after; counted are the contacts of round
+    places (`bulges_of_all_chords`: facets at less than 45 degrees to each other) that come down no faster; stiff bodies hop from corner to
+    corner. Falls and blows are faster, and a block that rocks on its edges has no round places.
+    """
+
+    def __init__(self) -> None:
+        self._round: FloatArray | None = None
+        self._bore: BoolArray = np.zeros(0, dtype=bool)
+        self._taken, self._turned = np.zeros(0), np.zeros(0)
+
+    def __call__(self, step: Step, found: Deformation, when: str, said: frozenset[str]) -> dict[str, str]:
+        """The remark by its kind; {} where there is none, or where it is `said`."""
+        model, soft = step.model, len(step.model.deformable)
+        if "corners" in said or not step.scheme.timing.moving or not soft or not has_turned(step, found):
+            return {}
+        if self._round is None:
+            self._round, self._bore = _round_places(model), np.zeros(soft, dtype=bool)
+            self._taken, self._turned = np.zeros(soft), np.zeros(soft)
+        if not self._round.any():
+            return {}
+        self._look(step, self._round)
+        share = np.where(self._turned > ROLLED, self._taken, 0.0) / max(step.ledger.supplied, 1e-300)
+        worst = int(np.argmax(share))
+        if share[worst] < TAKEN:
+            return {}
+        return {
+            "corners": f"{when}: {model.bodies[worst].name!r} rolls on the corners between its facets, and where they come down contact "
+            f"has taken {self._taken[worst]:.3g} J, {100 * share[worst]:.2g} % of the energy there; what is round loses none. What helps: "
+            "more facets, twice as many lose about half, or an exact shape, rigid_cylinder or rigid_sphere with ExactContacts "
+            "(docs/contact_rules.md)"
+        }
+
+    def _look(self, step: Step, round_: FloatArray) -> None:
+        """Add what the corners of each body have taken in the step, and how far it has turned."""
+        contacts, meeting, soft = step.contacts, step.encounter.meeting, len(self._bore)
+        shape = contacts.frame.shape[:2]
+        force = step.encounter.forces(step.encounter.reaction(step.result.r))[:, 0]
+        rows = np.flatnonzero(force > 0)
+        bodies = contacts.bodies[rows]
+        self._bore |= np.isin(np.arange(soft), bodies)
+        rate = np.zeros(soft)
+        rate[self._bore] = [_turning_rate(step, k) for k in np.flatnonzero(self._bore).tolist()]
+        self._turned += step.scheme.h * step.substeps * rate
+        down = -meeting.before[rows, 0]
+        up = step.encounter.relative(step.state.v).reshape(shape)[rows, 0]
+        work = force[rows] * (meeting.timing.theta * up - (1.0 - meeting.timing.theta) * down)
+        nodes = contacts.nodes[rows]
+        for side, sign in enumerate((1.0, -1.0)):
+            own = (nodes >= 0) & (sign * contacts.weights[rows] > 0)
+            length = np.where(own, round_[nodes], 0.0).max(axis=1)
+            body = bodies[:, side]
+            those = (body < soft) & (length > 0) & (down > 0)
+            those[those] = down[those] <= rate[body[those]] * length[those]
+            self._taken -= np.bincount(body[those], work[those], minlength=soft)
+
+
+def _round_places(model: Model) -> FloatArray:
+    """(n_nodes,) [m] The longest side of the facets of deformable bodies at a node where their curve goes outwards, 0 elsewhere."""
+    skin, longest = boundary_of_deformable(model), np.zeros(model.n_nodes)
+    bulge = bulges_of_all_chords(model, ContactSurface(skin.facets, skin.body))
+    if bulge is None:
+        return longest
+    facets = skin.facets[(bulge > 0).any(axis=(1, 2))]
+    after = np.roll(facets, -1, axis=1)
+    after = np.where(after < 0, facets[:, :1], after)
+    length = np.linalg.norm(model.reference[facets] - model.reference[after], axis=2)
+    length[facets < 0] = 0.0
+    np.maximum.at(longest, facets[facets >= 0], np.broadcast_to(length.max(axis=1)[:, None], facets.shape)[facets >= 0])
+    return longest
+
+
+def _turning_rate(step: Step, number: int) -> float:
+    """[rad/s] How fast a deformable body turns: omega of the rotation about its middle that is nearest to its nodes' velocities."""
+    model = step.model
+    first, end = (int(k) for k in model.node_offset[number : number + 2])
+    dofs = model.dof_of_node[first:end]
+    x, v = model.reference[first:end] + step.state.x[dofs], step.state.v[dofs]
+    x, v = x - x.mean(axis=0), v - v.mean(axis=0)
+    if model.dimension == 2:
+        return abs(float(np.sum(x[:, 0] * v[:, 1] - x[:, 1] * v[:, 0]))) / max(float(np.sum(x * x)), 1e-300)
+    inertia = np.sum(x * x) * np.eye(3) - x.T @ x
+    return float(np.linalg.norm(np.linalg.lstsq(inertia, np.cross(x, v).sum(axis=0), rcond=None)[0]))
