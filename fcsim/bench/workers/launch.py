@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import signal
 import subprocess
 import sys
 import threading
@@ -99,7 +100,7 @@ class WorkerProcess:
         if reply is not None:
             return Measurement(**reply)
         process, self._process = self._process, None
-        code = process.wait() if process is not None else 0  # its pipe is closed: it is ending
+        code = _ended(process) if process is not None else 0  # its pipe is closed: it is ending
         how = f"signal {-code}" if code < 0 else f"exit code {code}"
         status = f"CRASHED: the process that reads and judges the problem ended, {how} {self._last_words()}"
         return blank(request, self.settings, status.rstrip())
@@ -120,7 +121,7 @@ class WorkerProcess:
             process.wait(timeout=5)
         except subprocess.TimeoutExpired:
             process.kill()
-            process.wait()
+        _ended(process)
 
     def close(self) -> None:
         """Close what was written to and read from processes that have ended, once no thread waits for them."""
@@ -128,6 +129,14 @@ class WorkerProcess:
             with suppress(BrokenPipeError):  # of what was not read
                 pipe.close()
         self._pipes = []
+
+
+def _ended(worker: subprocess.Popen[str]) -> int:
+    """The exit code of a worker that is ending; with it goes what methods started in it and left."""
+    code = worker.wait()
+    with suppress(ProcessLookupError, PermissionError):
+        os.killpg(worker.pid, signal.SIGKILL)  # it leads a session of its own
+    return code
 
 
 _here = threading.local()
