@@ -46,7 +46,7 @@ def _range(where: str, first: str, last: str, count: int, geometric: bool) -> tu
         raise InputError(f"{where}: expected two different finite numbers as the ends of a range, got {first} and {last}")
     if not 2 <= count <= MOST:
         raise InputError(f"{where}: expected from 2 to {MOST} values of a range, got {count}")
-    if geometric and not (a > 0 and b > 0 or a < 0 and b < 0):
+    if geometric and (a == 0 or b == 0 or (a > 0) != (b > 0)):
         raise InputError(f"{where}: expected ends of one sign, not 0, of a range with equal ratios, got {first} and {last}")
     span = b / a if geometric else b - a
     if not math.isfinite(span) or span == 0:
