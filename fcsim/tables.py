@@ -45,14 +45,14 @@ def cells(row: DataclassInstance) -> list[str]:
 
 
 def cell(value: object) -> str:
-    """A value as the text of its cell, on one line."""
+    """A value as the text of its cell, on one line, bytes of file names and arguments that are no UTF-8 as their numbers: \\udcff."""
     if value is None:
         return ""
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, float):
         return repr(float(value))  # NumPy's floats included
-    return " ".join(str(value).splitlines())
+    return " ".join(str(value).splitlines()).encode(errors="backslashreplace").decode()
 
 
 def line(values: Iterable[object]) -> str:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from fcsim.apart import Array, Group, opened_apart
 from fcsim.errors import InputError
+from fcsim.tables import cell
 
 FORMS = ("global", "local")
 ROLLING = 5
@@ -26,7 +27,8 @@ class Entry:
 
     @property
     def name(self) -> str:
-        return self.path.stem
+        """The stem of the file as a table has it, by which a bench that goes on knows what it has measured."""
+        return cell(self.path.stem)
 
 
 def _entry(path: Path) -> Entry:

@@ -46,11 +46,15 @@ def _range(where: str, first: str, last: str, count: int, geometric: bool) -> tu
         raise InputError(f"{where}: expected two different finite numbers as the ends of a range, got {first} and {last}")
     if not 2 <= count <= MOST:
         raise InputError(f"{where}: expected from 2 to {MOST} values of a range, got {count}")
-    if geometric and not a * b > 0:
+    if geometric and (a == 0 or b == 0 or (a > 0) != (b > 0)):
         raise InputError(f"{where}: expected ends of one sign, not 0, of a range with equal ratios, got {first} and {last}")
-    shares = [k / (count - 1) for k in range(count)]
-    inner = [a * (b / a) ** s if geometric else a + (b - a) * s for s in shares]
-    return (_short(a), *(_short(value) for value in inner[1:-1]), _short(b))
+    span = b / a if geometric else b - a
+    if not math.isfinite(span) or span == 0:
+        what = "ratio" if geometric else "distance"
+        raise InputError(f"{where}: expected ends whose {what} a number of 64 bits holds, got {first} and {last}")
+    shares = [k / (count - 1) for k in range(1, count - 1)]
+    inner = [a * span**s if geometric else a + span * s for s in shares]
+    return (_short(a), *map(_short, inner), _short(b))
 
 
 def _short(value: float) -> str:
@@ -67,7 +71,7 @@ def read_table_of_values(path: Path) -> list[dict[str, str]]:
     if not rows or not all(header) or len(set(header)) != len(header):
         raise InputError(f"--table {path}: expected a header of different names and at least one row, got {','.join(header) or 'nothing'}")
     for number, row in enumerate(rows, 1):
-        if len(header) == 1 and ";" in header[0]:
+        if len(header) == 1 and any(mark in header[0] for mark in ";\t|"):
             raise InputError(f"--table {path}: expected commas between the cells and points in numbers, got {header[0][:200]!r}")
         if len(row) != len(header):
             raise InputError(f"--table {path}, row {number}: expected {len(header)} values ({', '.join(header)}), got {len(row)}")

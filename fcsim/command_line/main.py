@@ -105,7 +105,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if listens:
         silence(sys.stdout)
     with answering(quiet=listens or getattr(options, "quiet", False), as_json=getattr(options, "as_json", False)) as answer:
-        code, message = _acted(options)
+        with nullcontext() if answer.document is None else redirect_stdout(sys.stderr):  # what scripts and plugins print is no JSON
+            code, message = _acted(options)
         end_with(code)
         if message and not listens:
             say(f"fcsim: {one_line(message)}", to_stderr=True)

@@ -5,7 +5,9 @@ from __future__ import annotations
 import argparse
 import json
 import math
-from collections.abc import Callable, Mapping, Sequence
+import sys
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, contextmanager, nullcontext, redirect_stdout
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,7 +15,7 @@ from fcsim.command_line.answers import current
 from fcsim.command_line.assignments import add_plugin_option, checked_tolerance, positive, read_assignments
 from fcsim.command_line.compiling import saying_so
 from fcsim.command_line.terminal import say
-from fcsim.errors import EXIT_NOT_CONVERGED, EXIT_OK, InputError
+from fcsim.errors import EXIT_NOT_CONVERGED, EXIT_OK, FcsimError, InputError
 from fcsim.files import refuse_unwritable
 from fcsim.version import __version__
 
@@ -59,7 +61,8 @@ def _solve(options: argparse.Namespace) -> int:
     from fcsim.solvers import solve
     from fcsim.solvers.plugins import load_plugins
 
-    load_plugins(options.plugin)
+    with _prints_aside(options.json):
+        load_plugins(options.plugin)
     if options.tol > 0:
         checked_tolerance(options.tol)
     positive("--time-limit", options.time_limit, infinite=True)
@@ -75,7 +78,7 @@ def _solve(options: argparse.Namespace) -> int:
     start = _start(content, options.start)
     solved: Callable[..., Result] = solve  # which checks the overrides
     limits = {"tol": options.tol, "error": options.error, "floor": options.floor, "time_limit": options.time_limit}
-    with saying_so(_aside):
+    with saying_so(_aside), _prints_aside(options.json), _raising_plainly(options.solver):
         result = solved(problem, options.solver, start, **limits, **overrides)
     if options.json:
         say(json.dumps(_answer(options, content, problem, result), indent=1, allow_nan=False))
@@ -86,6 +89,27 @@ def _solve(options: argparse.Namespace) -> int:
         if not options.json:
             say(f"written: {options.write_solution}")
     return EXIT_OK if result.solved else EXIT_NOT_CONVERGED
+
+
+def _prints_aside(as_json: bool) -> AbstractContextManager[object]:
+    """Where the answer is JSON, what plugins print goes to standard error."""
+    return redirect_stdout(sys.stderr) if as_json else nullcontext()
+
+
+@contextmanager
+def _raising_plainly(solver: str) -> Iterator[None]:
+    """Whatever a plugin's method raises as an InputError that names it; fcsim's own errors, and Ctrl-C, as they are."""
+    from fcsim.solvers.plugins import plugin_of
+
+    try:
+        yield
+    except FcsimError:
+        raise
+    except Exception as error:
+        if not plugin_of(solver):
+            raise
+        text = f"{type(error).__name__}: {error}".strip().splitlines()[0]
+        raise InputError(f"--solver {solver}: the plugin's method raised {text[:500]}") from error
 
 
 def _aside(text: str) -> None:

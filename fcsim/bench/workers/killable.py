@@ -103,11 +103,19 @@ def _settle(parent: int) -> None:
         return
 
 
+def leave_copies(own: int) -> None:
+    """End this process where it is not the one of that id but a copy: what a method forked and let return has nothing to say here."""
+    if os.getpid() != own:
+        os._exit(0)
+
+
 def _work(task: Task[K, I], pipe: Connection, quiet: bool, parent: int) -> None:
     _settle(parent)
+    own = os.getpid()
     speaking = threading.Lock()  # compilers tell from whatever thread they are in
 
     def tell(kind: str, value: object) -> None:
+        leave_copies(own)
         with speaking:
             pipe.send((kind, value))
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import shutil
+import signal
 import subprocess
 import sys
 import threading
@@ -102,7 +103,7 @@ class WorkerProcess:
         if reply is not None:
             return Measurement(**reply)
         process, self._process = self._process, None
-        code = process.wait() if process is not None else 0  # its pipe is closed: it is ending
+        code = self._ended(process) if process is not None else 0  # its pipe is closed: it is ending
         how = f"signal {-code}" if code < 0 else f"exit code {code}"
         status = f"CRASHED: the process that reads and judges the problem ended, {how} {self._last_words()}"
         return blank(request, self.settings, status.rstrip())
@@ -123,9 +124,16 @@ class WorkerProcess:
             process.wait(timeout=5)
         except subprocess.TimeoutExpired:
             process.kill()
-            process.wait()
-            if self._folder:  # which it could not remove
-                shutil.rmtree(self._folder, ignore_errors=True)
+        self._ended(process)
+
+    def _ended(self, process: subprocess.Popen[str]) -> int:
+        """The exit code of a process that is ending; with it go what methods started in it and left, and the folder that it could not remove."""
+        code = process.wait()
+        with suppress(ProcessLookupError, PermissionError):
+            os.killpg(process.pid, signal.SIGKILL)  # it leads a session of its own
+        if self._folder:
+            shutil.rmtree(self._folder, ignore_errors=True)
+        return code
 
     def close(self) -> None:
         """Close what was written to and read from processes that have ended, once no thread waits for them."""

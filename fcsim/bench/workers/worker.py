@@ -31,7 +31,7 @@ from fcsim.bench.fclib_problem import FclibProblem, read_problem
 from fcsim.bench.results import SLACK, Measurement
 from fcsim.bench.workers.compiling import watch
 from fcsim.bench.workers.flops import counting
-from fcsim.bench.workers.killable import FINISHED, MEMORY_LIMIT, TIME_LIMIT, Row, Task, die_with_parent, run_killable
+from fcsim.bench.workers.killable import FINISHED, MEMORY_LIMIT, TIME_LIMIT, Row, Task, die_with_parent, leave_copies, run_killable
 from fcsim.bench.workers.siconos_client import solve_by_siconos
 from fcsim.bench.workers.solves import chain_like, run, small_problem_like, warm_on, warm_up
 from fcsim.errors import InputError
@@ -143,6 +143,7 @@ class Worker:
         self.settings, self.folder = settings, folder
         self.problems: dict[str, FclibProblem] = {}
         self.compiled: set[object] = set()
+        self.process = os.getpid()
         load_plugins(settings.plugins)
 
     def problem(self, file: str) -> FclibProblem:
@@ -200,6 +201,7 @@ class Worker:
             if (*kind, like) not in self.compiled:
                 self.compiled.add((*kind, like))
                 warm_on({(solver, like): like(problem)})
+                leave_copies(self.process)  # two that serve would read each other's requests
 
     def _siconos(self, problem: FclibProblem, request: Request) -> Measurement:
         result = blank(request, self.settings, "")

@@ -19,12 +19,12 @@ import pytest
 import scipy.sparse as sp
 
 from fcsim.bench.problems import entries
-from fcsim.bench.results import Measurement, read_results
+from fcsim.bench.results import Measurement, append, read_results
 from fcsim.bench.workers.launch import WorkerProcess, cores
 from fcsim.bench.workers.siconos_client import siconos_version
 from fcsim.bench.workers.siconos_worker import CONFIGURATIONS
 from fcsim.bench.workers.solves import chain_like
-from fcsim.bench.workers.worker import Settings, judged
+from fcsim.bench.workers.worker import Request, Settings, blank, judged
 from fcsim.command_line.main import main
 from fcsim.command_line.sets.measuring import SICONOS_BEST
 from fcsim.export_fclib import GlobalRollingProblem, write_fclib
@@ -116,6 +116,12 @@ def uses_memory(problem, r, monitor, options):
     time.sleep(0.3)  # for a watcher that has to wait for the processor
     return Iterate(exact(problem), Status.SOLVED)
 
+@method("FORKS")
+def forks(problem, r, monitor, options):
+    """Everywhere: a copy of the process that serves took a request of its own, and a measurement was lost."""
+    os.fork()
+    return Iterate(r, Status.STAGNATED)
+
 @method("LIES")
 def lies(problem, r, monitor, options):
     """Has the monitor believe any error."""
@@ -206,7 +212,7 @@ def by(rows: Sequence[Measurement]) -> dict[tuple[str, float], Measurement]:
 
 
 def test_what_solvers_do_wrong_is_recorded(block: Path, plugin: Path, tmp_path: Path) -> None:
-    names = ["LATE", "EXITS", "SEGFAULTS", "RAISES", "ENDS-ITS-PARENT", "LEAKS", "USES-MEMORY", "LIES", "NOT-A-NUMBER"]
+    names = ["FORKS", "LATE", "EXITS", "SEGFAULTS", "RAISES", "ENDS-ITS-PARENT", "LEAKS", "USES-MEMORY", "LIES", "NOT-A-NUMBER"]
     names += ["NSN-AC", "2D-LEMKE"]
     out = tmp_path / "out"
     limits = ["--memory-limit", 200, "--tols", "1e-4"]
@@ -215,6 +221,7 @@ def test_what_solvers_do_wrong_is_recorded(block: Path, plugin: Path, tmp_path: 
     # a limit that no other method comes near, however busy the machine is
     limits += ["--time-limit", 60]
     assert bench(block, "--solvers", ",".join(names), *limits, "--jobs", 2, "--plugin", plugin, "--out", out) == 0
+    assert (out / "results.csv").read_text(encoding="utf-8").count("\n") == len(names)  # a header, a row each but for one
     rows = {row.solver: row for row in read_results(out)}
     assert list(set(names) - set(rows)) == ["2D-LEMKE"]  # the problem has three dimensions
     assert rows["LATE"].outcome == "TIME_LIMIT" and 100 <= (rows["LATE"].seconds or 0) < 160
@@ -233,7 +240,7 @@ def test_what_solvers_do_wrong_is_recorded(block: Path, plugin: Path, tmp_path: 
     assert judged(rows["NSN-AC"]).outcome == "SOLVED"
     assert {name for name, row in rows.items() if row.solved} == {"USES-MEMORY", "NSN-AC"}
     for name, row in rows.items():
-        answered = name in ("LATE", "USES-MEMORY", "LIES", "NOT-A-NUMBER", "NSN-AC")
+        answered = name in ("FORKS", "LATE", "USES-MEMORY", "LIES", "NOT-A-NUMBER", "NSN-AC")
         assert (row.seconds is not None) == (row.cpu_seconds is not None) == (row.iterations is not None) == answered, name
         assert (row.problem, row.form, row.dimension, row.nc, row.n) == ("block", "global", 3, 1, 3)
         assert (row.program, row.time_limit, row.memory_limit, row.threads) == ("fcsim", 60.0, 200.0, 1)
@@ -418,6 +425,18 @@ def test_forms_are_told_from_the_files(block: Path) -> None:
         assert not notes
     assert [e.name for e in entries([block], dimension=2)[0]] == ["here"]
     assert {(e.name, e.form) for e in entries([block], dimension=3)[0]} == {("block", "global"), ("block", "local")}
+
+
+def test_names_of_any_bytes_are_known_again(tmp_path: Path) -> None:
+    """A name that is no UTF-8 ended a bench by a UnicodeEncodeError, one of two lines was measured again whenever the bench went on."""
+    for name in ("caf\udce9.hdf5", "two\nlines.hdf5"):
+        write_fclib(tmp_path / name, sliding_block())
+    found = [entry.name for entry in entries([tmp_path])[0]]
+    assert found == ["caf\\udce9", "two lines"]
+    for name in found:
+        request = Request(str(tmp_path), name, "global", 3, 1, 3, "NSGS", 1e-4, 1.0, None)
+        append(tmp_path, blank(request, Settings(), "STAGNATED"))
+    assert [row.problem for row in read_results(tmp_path)] == found
 
 
 def test_bad_input_is_named(block: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

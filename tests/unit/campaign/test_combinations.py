@@ -23,6 +23,7 @@ from fcsim.errors import InputError
         ("mu=0.1..0.5/5", "mu", ("0.1", "0.2", "0.3", "0.4", "0.5")),
         ("mu=.5..-.5/3", "mu", ("0.5", "0", "-0.5")),
         ("E=1e6..1e9/4log", "E", ("1000000", "10000000", "100000000", "1000000000")),
+        ("E=1e-200..1e-198/3log", "E", ("1e-200", "1e-199", "1e-198")),
         ("solver=NSN-AC,NSGS-AC", "solver", ("NSN-AC", "NSGS-AC")),
         ("path=../a.msh,../b.msh", "path", ("../a.msh", "../b.msh")),
         ("name=a b,c=d", "name", ("a b", "c=d")),
@@ -33,7 +34,22 @@ def test_values(text: str, name: str, values: tuple[str, ...]) -> None:
 
 
 @pytest.mark.parametrize(
-    "text", ["mu", "=1,2", "mu=", "mu=1,,2", "mu=1..2/1", "mu=1..1/3", "mu=a..b/3", "mu=-1..1/3log", "mu=0..inf/3", "mu=1..2/1000000"]
+    "text",
+    [
+        "mu",
+        "=1,2",
+        "mu=",
+        "mu=1,,2",
+        "mu=1..2/1",
+        "mu=1..1/3",
+        "mu=a..b/3",
+        "mu=-1..1/3log",
+        "mu=0..inf/3",
+        "mu=1..2/1000000",
+        "mu=-1e308..1e308/3",
+        "mu=1e-300..1e300/5log",
+        "mu=1e300..1e-300/5log",
+    ],
 )
 def test_what_is_no_list_of_values_is_refused(text: str) -> None:
     with pytest.raises(InputError, match="--over"):
@@ -67,7 +83,19 @@ def test_a_table_of_values(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "content", ["", "mu\n", "mu,mu\n1,2\n", "mu,E\n1\n", "mu,\n1,2\n", "\0", 'mu,a\n0.3,"x\n0.4,y\n', "mu;E\n1;2\n", "mu;E\n1,5;2,5\n"]
+    "content",
+    [
+        "",
+        "mu\n",
+        "mu,mu\n1,2\n",
+        "mu,E\n1\n",
+        "mu,\n1,2\n",
+        "\0",
+        'mu,a\n0.3,"x\n0.4,y\n',
+        "mu;E\n1;2\n",
+        "mu;E\n1,5;2,5\n",
+        "mu\tE\n1\t2\n",
+    ],
 )
 def test_a_table_that_is_none_is_refused(tmp_path: Path, content: str) -> None:
     path = tmp_path / "runs.csv"

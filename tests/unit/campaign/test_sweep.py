@@ -236,11 +236,11 @@ def test_a_full_disk_ends_the_sweep_with_an_error_and_no_process_left(
 def test_columns_of_one_name_are_told_apart(script_folder: Path, tmp_path: Path) -> None:
     plan = make_plan(load_case(script_folder), {}, [{"steps": "2", "mu": "0.1"}])
     plan = replace(plan, varied=("status", "mu", "push"))
-    run = replace(plan.runs[0], values={"status": "S", "mu": "M", "push": "P"})
+    run = replace(plan.runs[0], values={"status": "S", "mu": "M\udce9", "push": "P"})
     write_results(tmp_path, replace(plan, runs=(run,)), [Row(run, Record("crashed", "two\nlines, and a comma"), {"push": 3.0})])
     with (tmp_path / "results.csv").open(encoding="utf-8") as file:
         (row,) = csv.DictReader(file)
-    assert (row["status"], row["status (set)"], row["mu"], row["push"], row["push (set)"]) == ("crashed", "S", "M", "3.0", "P")
+    assert (row["status"], row["status (set)"], row["mu"], row["push"], row["push (set)"]) == ("crashed", "S", "M\\udce9", "3.0", "P")
     assert row["message"] == "two lines, and a comma"
 
 

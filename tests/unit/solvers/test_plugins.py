@@ -1,5 +1,6 @@
 """Methods of one's own: files that add to the table, and what is wrong with them."""
 
+import json
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -78,3 +79,21 @@ def test_what_a_method_returns(tmp_path: Path, returned: str, got: str) -> None:
     load_plugins([plugin(tmp_path, GOOD.replace("Iterate(-problem.q, Status.SOLVED)", returned))])
     with pytest.raises(InputError, match=f"run: expected a method to return Iterate.*got {got}"):
         solve(STICKS, "MINE")
+
+
+def test_what_a_plugin_prints_is_no_part_of_the_answer_in_json(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = plugin(tmp_path, GOOD.replace("    return", "    print('iterating')\n    return") + "print('loading')\n")
+    file = write_fclib(tmp_path / "a.hdf5", STICKS)
+    assert main(["solve", str(file), "--plugin", str(path), "--solver", "MINE", "--json"]) == 0
+    said = capsys.readouterr()
+    assert json.loads(said.out)["status"] == "SOLVED" and "loading\niterating\n" in said.err
+    assert main(["solvers", "--plugin", str(path), "--json"]) == 0
+    assert "MINE" in str(json.loads(capsys.readouterr().out))
+
+
+def test_what_a_method_raises_is_named_with_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """It was a traceback and exit code 1, that of a solve that did not converge."""
+    path = plugin(tmp_path, GOOD.replace("return Iterate", "raise ArithmeticError('two\\nlines')\n    return Iterate"))
+    file = write_fclib(tmp_path / "a.hdf5", STICKS)
+    assert main(["solve", str(file), "--plugin", str(path), "--solver", "MINE"]) == 2
+    assert capsys.readouterr().err == "fcsim: --solver MINE: the plugin's method raised ArithmeticError: two\n"
