@@ -127,7 +127,7 @@ class WorkerProcess:
         self._ended(process)
 
     def _ended(self, process: subprocess.Popen[str]) -> int:
-        """The exit code of a process that is ending; with it go what methods started in it and left, and the folder that it could not remove."""
+        """The exit code of a process that is ending; with it go what methods left running in it, and a folder that it could not remove."""
         code = process.wait()
         with suppress(ProcessLookupError, PermissionError):
             os.killpg(process.pid, signal.SIGKILL)  # it leads a session of its own
