@@ -124,6 +124,12 @@ def on_a_path(runner: Runner) -> bool:
     return leads and done <= PROXIMAL_ALONE + LEADS * float(np.log10(roots[0] / roots[-1]))
 
 
+def interior_alone(race: Race, runner: Runner) -> bool:
+    """Whether an interior point goes on alone: on a path that leads on, in edges and faces down to the error below which proximal Newton,
+    which takes up its iterate, is the quicker one."""
+    return on_a_path(runner) and (race.best > BESIDE or not held_as_blocks(race))
+
+
 def enter_paths(race: Race) -> bool:
     """Rigid bodies whose contacts hold more than their velocities, and proximal Newton has not arrived where easy problems do; a proof that
     there is nothing to arrive at goes first. From zero, where edges or faces hold one another, whose paths are of about

@@ -37,6 +37,7 @@ from fcsim.solvers.automatic.later import (
     enter_proof,
     exhausted,
     in_place_of_sweeps,
+    interior_alone,
     interior_is_first,
     interior_leads,
     on_a_path,
@@ -270,7 +271,7 @@ STAGES: tuple[Stage, ...] = (
         enters=enter_interior,
         turns=methods.interior,
         price=lambda race: race.prices.interior,
-        alone=lambda race, runner: on_a_path(runner),
+        alone=interior_alone,
     ),
     Stage(
         "paths",
