@@ -45,7 +45,7 @@ def joint_blocks_of_bodies(pairs, bodies, h, compliances, joints, listing, start
             widest = max(widest, size[b])
     on, of_pair, rows = np.empty(most, dtype=np.int64), np.empty(most, dtype=np.int64), np.empty((most, 3, widest))
     among, used = np.full(widest, -1), np.empty(widest, dtype=np.int64)  # the unknowns of a body that a joint's contacts are at
-    total = np.empty((3, 3))
+    across, sums = np.empty((widest, 3 * most)), np.empty((3, 3 * most))
     for k in range(first, last):
         own = wide[joint_begins[k] : joint_begins[k + 1]]
         n = len(own)
@@ -80,31 +80,29 @@ def joint_blocks_of_bodies(pairs, bodies, h, compliances, joints, listing, start
                         row0[j] += w0 * source[j]
                         row1[j] += w1 * source[j]
                         row2[j] += w2 * source[j]
-                for j in range(i + 1):
-                    xx = xy = xz = yx = yy = yz = zx = zy = zz = 0.0
-                    for e in range(begins[of_pair[j]], begins[of_pair[j] + 1]):
-                        u = among[unknowns[e]]
-                        x, y, z = row0[u], row1[u], row2[u]
-                        w0, w1, w2 = weights[e, 0], weights[e, 1], weights[e, 2]
-                        xx += x * w0
-                        xy += x * w1
-                        xz += x * w2
-                        yx += y * w0
-                        yy += y * w1
-                        yz += y * w2
-                        zx += z * w0
-                        zy += z * w1
-                        zz += z * w2
-                    total[0, 0], total[0, 1], total[0, 2] = xx, xy, xz
-                    total[1, 0], total[1, 1], total[1, 2] = yx, yy, yz
-                    total[2, 0], total[2, 1], total[2, 2] = zx, zy, zz
+                for j in range(m):
+                    across[j, 3 * i], across[j, 3 * i + 1], across[j, 3 * i + 2] = row0[j], row1[j], row2[j]
+            for j in range(count):  # with all contacts from j on at once
+                to0, to1, to2 = sums[0, : 3 * (count - j)], sums[1, : 3 * (count - j)], sums[2, : 3 * (count - j)]
+                to0[:] = 0
+                to1[:] = 0
+                to2[:] = 0
+                for e in range(begins[of_pair[j]], begins[of_pair[j] + 1]):
+                    row = across[among[unknowns[e]], 3 * j : 3 * count]
+                    w0, w1, w2 = weights[e, 0], weights[e, 1], weights[e, 2]
+                    for i in range(len(row)):
+                        to0[i] += row[i] * w0
+                        to1[i] += row[i] * w1
+                        to2[i] += row[i] * w2
+                for i in range(j, count):
                     for p in range(d):
                         for q in range(d):
-                            block[on[i], p, on[j], q] += total[p, q]
+                            block[on[i], p, on[j], q] += sums[q, 3 * (i - j) + p]
             among[used[:m]] = -1
-        for i in range(n):  # what was summed is below the diagonal: contacts of a body are in the joint's order
-            for p in range(d):
-                for j in range(n):
-                    for q in range(d):
-                        a, b = (i * d + p) * n * d + j * d + q, starts[k]
-                        E[b + a] = block[i, p, j, q] if j <= i else block[j, q, i, p]
+        order = n * d
+        whole, out = block.reshape(order, order), E[starts[k] : starts[k + 1]].reshape(order, order)
+        for i in range(order):  # what was summed is below the diagonal, whole blocks on it: contacts of a body are in the joint's order
+            for j in range(i - i % d + d):
+                out[i, j] = whole[i, j]
+            for j in range(i - i % d):
+                out[j, i] = whole[i, j]
