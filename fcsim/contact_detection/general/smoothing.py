@@ -60,7 +60,8 @@ def of_both_sides(skin: Skin, shape: Shape, found: VertexContacts, met: IntArray
         around = skin.star[np.minimum(skin.first_star[vertex] + k, len(skin.star) - 1)]
         along = np.where(k < count, np.einsum("cd,cd->c", shape.normal[around], N), 1.0)
         own, least = np.where(along < least, around, own), np.minimum(along, least)
-    rows, vertex, N, own = (a[own >= 0] for a in (rows, vertex, N, own))
+    known = own >= 0
+    rows, vertex, N, own = rows[known], vertex[known], N[known], own[known]
     at = (skin.facets[own] == vertex[:, None]) & skin.real[own]
     changed, interpolated = interpolated_normals(
         own, at.astype(np.float64), curved[skin.facet_body], shape.point, shape.normal, skin.facets, skin.sides, patch,
