@@ -147,7 +147,7 @@ class Simulation:
 
     @cached_property
     def _extent(self) -> float:
-        """Size of the model [m]."""
+        """Size of the model [m] along the axes: up to sqrt(d) times as large where it is turned, which tolerances alone are relative to."""
         return float(np.ptp(self.model.reference, axis=0).max())
 
     @cached_property
