@@ -95,11 +95,17 @@ class BodyLayout:
 
     @cached_property
     def extents(self) -> FloatArray:
-        """The smallest extents (nbodies,) [m] along the axes of the bodies in the reference; infinite for what has no nodes, and for
-        planes, whose points are those of a picture of any size."""
-        points = np.split(self.reference, self.node_offset[1:-1])
-        some = [len(own) > 0 and not endless(body) for own, body in zip(points, self.bodies, strict=True)]
-        return np.array([np.ptp(own, axis=0).min() if has else np.inf for own, has in zip(points, some, strict=True)])
+        """The smallest extents (nbodies,) [m] of the bodies in the reference along their principal axes, or those of the part or, of rigid
+        bodies, of space, whichever is less: a body that is turned has its own. Infinite for what has no nodes, and for planes, whose
+        points are those of a picture of any size; of exact shapes along the axes of space."""
+        of_parts = {body.part: _narrowest(body.part.points) for body in self.deformable}
+        found = np.full(len(self.bodies), np.inf)
+        for k, body in enumerate(self.bodies):
+            if isinstance(body, Body):
+                found[k] = of_parts[body.part]
+            elif len(body.points) and not endless(body):
+                found[k] = _narrowest(body.points) if body.shape is None else np.ptp(body.points, axis=0).min()
+        return found
 
     @property
     def thinnest(self) -> float:
@@ -126,6 +132,13 @@ class BodyLayout:
         if not isinstance(surface, str) or surface not in surfaces:
             raise InputError(f"body {body!r}: expected a surface among {', '.join(map(repr, surfaces))}, got {shown(surface)}")
         return surfaces[surface] + self.node_offset[number]
+
+
+def _narrowest(points: FloatArray) -> float:
+    """The smallest extent [m] of points (n, d), n > 0, along their principal axes or those that they are given in."""
+    centred = points - points.mean(axis=0)
+    _, axes = np.linalg.eigh(centred.T @ centred)
+    return float(min(np.ptp(points, axis=0).min(), np.ptp(centred @ axes, axis=0).min()))
 
 
 def in_order(given: Sequence[Placed]) -> tuple[Body | RigidBody, ...]:

@@ -51,3 +51,10 @@ def left_out(detection: object) -> IntArray:
         within = getattr(within, "detection", None)
     pairs: IntArray = np.unique(np.sort(np.concatenate(found), axis=1), axis=0)
     return pairs[pairs[:, 0] != pairs[:, 1]]
+
+
+def innermost(detection: Detection) -> Detection:
+    """The detection that finds contacts of bodies, within what is put around it: cables, pairs that are left out, a rule of one's own with
+    an attribute `detection`."""
+    within: object = getattr(detection, "detection", None)
+    return detection if within is None else innermost(within)  # type: ignore[arg-type]

@@ -134,8 +134,7 @@ class Simulation:
         return proportions(self.model, isinstance(self.detector, Everything))
 
     @cached_property
-    def _rest(self) -> float:
-        """Kinetic energy [J] of what is at rest, see `energy_at_rest`."""
+    def _rest(self) -> float:  # kinetic energy [J] of what is at rest
         return energy_at_rest(self.model, REST * self._extent / self.scheme.h)
 
     def _settings(self, t: float, nc: int = 1) -> SolverSettings:
@@ -147,7 +146,7 @@ class Simulation:
 
     @cached_property
     def _extent(self) -> float:
-        """Size of the model [m]."""
+        """Size of the model [m] along the axes: up to sqrt(d) times as large where it is turned, which tolerances alone are relative to."""
         return float(np.ptp(self.model.reference, axis=0).max())
 
     @cached_property
@@ -214,8 +213,9 @@ class Simulation:
             part = self._part(moment, cuts, kept, anchor or after, clock, attempts)
             if part is None:
                 if cuts == self.cuttings or given_up(attempts):
-                    times, begins = (after.state.t, after.state.t + self.scheme.h, moment.state.t), moment.number == 1
-                    why = (*doubts(self.model, self.scheme, self.linkage, times, attempts), *(self._opening(after.state) if begins else ()))
+                    times = after.state.t, after.state.t + self.scheme.h, moment.state.t
+                    why = tuple(doubts(self.model, self.scheme, self.linkage, times, attempts, moment.state))
+                    why += self._opening(after.state) if moment.number == 1 else ()
                     raise not_converged(self.solver, moment.number, times, cuts, attempts, why)
                 cuts += 1
                 continue

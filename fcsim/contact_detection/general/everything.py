@@ -21,7 +21,7 @@ from fcsim.contact_detection.general.folding import deformation, folding_bodies,
 from fcsim.contact_detection.general.near import Lengths, NearBodies, near_bodies
 from fcsim.contact_detection.general.overlap.convex import shallow_edges, shallow_vertices
 from fcsim.contact_detection.general.overlap.overlaps import overlap_contacts
-from fcsim.contact_detection.general.smoothing import bulge_of, bulges_of_skin, smoothed
+from fcsim.contact_detection.general.smoothing import bulge_of, bulges_of_skin, of_both_sides, smoothed
 from fcsim.contact_detection.general.vertices import VertexContacts, vertex_contacts
 from fcsim.contact_detection.skin.boundary import boundary_of
 from fcsim.contact_detection.skin.closed_skin import closed_skin
@@ -175,7 +175,7 @@ class Everything:
         if among is None:
             near = self._may_touch(near_bodies(shape.body_low, shape.body_high, self.lengths))
             among = with_folding(near, self.folding, self.lengths)
-        vertices, beyond = vertex_contacts(self.skin, shape, among, self._reference)
+        vertices, beyond, met = vertex_contacts(self.skin, shape, among, self._reference)
         vertices = shallow_vertices(self.skin, shape, among, vertices)
         edges = edge_contacts(self.skin, shape, among, vertices, self._reference)
         edges = shallow_edges(self.skin, shape, among, edges)
@@ -184,6 +184,7 @@ class Everything:
             unseen = shallow_vertices(self.skin, shape, among, unseen)
             vertices = VertexContacts._make(np.concatenate(both) for both in zip(vertices, unseen, strict=True))
         vertices = smoothed(self.skin, shape, vertices, self.smoothed_bodies, self.patches)
+        vertices = of_both_sides(self.skin, shape, vertices, met, self.smoothed_bodies, self.patches) if len(met) else vertices
         return self._contacts(x, vertices, edges, bulge_of(self.skin, shape, self.bulge, self.patches, vertices, edges)), beyond
 
     def _may_touch(self, near: NearBodies) -> NearBodies:

@@ -19,9 +19,12 @@ import numpy as np
 from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.contact_detection.general._smoothing_kernels import interpolated_normals
 from fcsim.contact_detection.general.edges import EdgeContacts
-from fcsim.contact_detection.general.vertices import VertexContacts
+from fcsim.contact_detection.general.vertices import SAME_PLACE, VertexContacts
 from fcsim.contact_detection.skin.skin import Shape, Skin
-from fcsim.contact_detection.surfaces.bulges import bulges, heights
+from fcsim.contact_detection.surfaces.bulges import LEVEL_OF_NORMALS, bulges, heights
+
+OPPOSED = -0.7
+"""The cosine between two faces that bear each other is below it."""
 
 
 def smoothed(skin: Skin, shape: Shape, found: VertexContacts, curved: BoolArray, patch: IntArray) -> VertexContacts:
@@ -40,6 +43,38 @@ def smoothed(skin: Skin, shape: Shape, found: VertexContacts, curved: BoolArray,
     along[changed] = normal[changed]
     gap[changed] = np.einsum("cd,cd->c", arm, normal[changed])
     return found._replace(normal=along, gap=gap)
+
+
+def of_both_sides(skin: Skin, shape: Shape, found: VertexContacts, met: IntArray, curved: BoolArray, patch: IntArray) -> VertexContacts:
+    """The contacts with the mean of both surfaces' normals, and the gaps along it, where a vertex among those `met` lies on a vertex of
+    another curved body: neither surface is more the other one's than it is its own, and the order of the bodies says nothing."""
+    corner = found.weights.argmax(axis=1)
+    rows = np.flatnonzero(np.isin(found.vertex, met) & (found.weights.max(axis=1, initial=0.0) > 1.0 - SAME_PLACE))
+    rows = rows[curved[skin.vertex_body[found.vertex[rows]]] & curved[skin.facet_body[found.facet[rows]]]]
+    if not len(rows):
+        return found
+    vertex, N = found.vertex[rows], found.normal[rows]
+    own, count = np.full(len(rows), -1), np.diff(skin.first_star)[vertex]
+    least = np.full(len(rows), OPPOSED)
+    for k in range(int(count.max())):  # the facets around a vertex are few
+        around = skin.star[np.minimum(skin.first_star[vertex] + k, len(skin.star) - 1)]
+        along = np.where(k < count, np.einsum("cd,cd->c", shape.normal[around], N), 1.0)
+        own, least = np.where(along < least, around, own), np.minimum(along, least)
+    known = own >= 0
+    rows, vertex, N, own = rows[known], vertex[known], N[known], own[known]
+    at = (skin.facets[own] == vertex[:, None]) & skin.real[own]
+    changed, interpolated = interpolated_normals(
+        own, at.astype(np.float64), curved[skin.facet_body], shape.point, shape.normal, skin.facets, skin.sides, patch,
+        skin.star, skin.first_star,
+    )  # fmt: skip
+    between = N - np.where(changed[:, None], interpolated, shape.normal[own])
+    between /= np.linalg.norm(between, axis=1)[:, None]
+    off = (np.abs(between - N) > LEVEL_OF_NORMALS).any(axis=1)
+    rows, vertex, between = rows[off], vertex[off], between[off]
+    normal, gap = found.normal.copy(), found.gap.copy()
+    arm = shape.point[vertex] - shape.point[skin.facets[found.facet[rows], corner[rows]]]
+    normal[rows], gap[rows] = between, np.einsum("cd,cd->c", arm, between)
+    return found._replace(normal=normal, gap=gap)
 
 
 def bulges_of_skin(

@@ -21,7 +21,7 @@ from fcsim.contact_detection.general.near import NearBodies, near_facets
 from fcsim.contact_detection.skin.skin import Shape, Skin
 
 _SIDES = 3
-_SAME_PLACE = 1e-6  # a foot with all its weight but this on one vertex is that vertex
+SAME_PLACE = 1e-6  # a foot with all its weight but this on one vertex is that vertex
 
 
 class VertexContacts(NamedTuple):
@@ -37,12 +37,12 @@ class VertexContacts(NamedTuple):
         return VertexContacts._make(array[rows] for array in self)
 
 
-def vertex_contacts(skin: Skin, shape: Shape, near: NearBodies, reference: Shape) -> tuple[VertexContacts, IntArray]:
+def vertex_contacts(skin: Skin, shape: Shape, near: NearBodies, reference: Shape) -> tuple[VertexContacts, IntArray, IntArray]:
     """Contacts of vertices with facets, sorted by (vertex, body of the facet, gap); each physical point once. A pair of a body with itself
     needs its shape in the reference configuration, see `folding`.
 
     And the numbers a nb + b of bodies a <= b, sorted, of which a vertex at a rim is not held since it does not reach over it: it may
-    soon."""
+    soon. And the vertices whose contacts are of a vertex with a vertex, on the surfaces of both, of which one is kept."""
     both = near.both_ways
     vertex, facet, pair = np.ascontiguousarray(near_facets(skin, shape, both).T)
     own = np.flatnonzero(both.itself[pair])
@@ -52,7 +52,7 @@ def vertex_contacts(skin: Skin, shape: Shape, near: NearBodies, reference: Shape
         own = np.flatnonzero(both.itself[pair])
     if not len(vertex):
         none = np.empty(0, dtype=np.int64)
-        return VertexContacts(none, none, np.empty((0, 4)), np.empty((0, 3)), np.empty(0)), none
+        return VertexContacts(none, none, np.empty((0, 4)), np.empty((0, 3)), np.empty(0)), none, none
     foot = feet(vertex, facet, shape.point, skin.facets, skin.sides, shape.normal)
     if len(own):
         of = pair[own]
@@ -73,14 +73,16 @@ def vertex_contacts(skin: Skin, shape: Shape, near: NearBodies, reference: Shape
     pairs = both.bodies[group[beyond]]
     found = VertexContacts(vertex[rows], facet[rows], weights[rows], N, gap)
     found = found.take(np.lexsort((found.gap, skin.facet_body[found.facet], found.vertex)))
-    return found.take(~_seen_from_the_other_side(skin, found)), np.unique(pairs.min(axis=1) * skin.n_bodies + pairs.max(axis=1))
+    twice, met = _seen_from_the_other_side(skin, found)
+    return found.take(~twice), np.unique(pairs.min(axis=1) * skin.n_bodies + pairs.max(axis=1)), met
 
 
-def _seen_from_the_other_side(skin: Skin, found: VertexContacts) -> BoolArray:
-    """Contacts whose foot is a vertex that is in contact too, with its foot on theirs: the same place, kept for the lower vertex number."""
+def _seen_from_the_other_side(skin: Skin, found: VertexContacts) -> tuple[BoolArray, IntArray]:
+    """Contacts whose foot is a vertex that is in contact too, with its foot on theirs: the same place, kept for the lower vertex number;
+    and those vertices."""
     corner = np.argmax(found.weights, axis=1)
     rows = np.arange(len(corner))
-    at_vertex = found.weights[rows, corner] > 1.0 - _SAME_PLACE
+    at_vertex = found.weights[rows, corner] > 1.0 - SAME_PLACE
     under = np.where(at_vertex, skin.facets[found.facet, corner], -1)
     count = len(skin.node) + 1
     ours, theirs = found.vertex * count + under, under * count + found.vertex
@@ -94,4 +96,4 @@ def _seen_from_the_other_side(skin: Skin, found: VertexContacts) -> BoolArray:
         partner = order[first[row] + more]
         opposed = np.einsum("cd,cd->c", found.normal[row], found.normal[partner]) < -0.7
         drop[row] |= (ours[partner] == theirs[row]) & opposed
-    return drop
+    return drop, under[drop]

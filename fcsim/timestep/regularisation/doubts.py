@@ -15,6 +15,7 @@ from fcsim.solvers import Status
 from fcsim.timestep.chain import Attempt
 from fcsim.timestep.quasi_static import QuasiStatic
 from fcsim.timestep.scheme import Scheme
+from fcsim.timestep.state import State
 
 HIDDEN = 1e-3
 """Of the proposed eta: below it round-off hides the mass of a body that only contact holds, whatever was tried. Where solvers stagnate near
@@ -34,15 +35,16 @@ def doubts(
     linked: object,
     times: tuple[float, float, float] = (0.0, 0.0, 0.0),
     attempts: Sequence[Attempt] = (),
+    state: State | None = None,
 ) -> Iterator[str]:
     """Of statics: plastic bodies under loads that may be beyond their limit load; with eta > 0 bodies whose mass is too faint to keep them
     where they are until contact does.
 
     linked: links, None or False = none, which may hold it; times [s]: beginning and end of the step and the beginning of its
-    last part; attempts: what was tried, none = nothing is said of plastic bodies.
+    last part; attempts: what was tried, none = nothing is said of plastic bodies; state: the last that was reached, which says what yields.
     """
     if isinstance(scheme, QuasiStatic) and attempts and attempts[-1].solver == "Newton":
-        yield from _limit_load(model, times)
+        yield from _limit_load(model, times, state)
     if not isinstance(scheme, QuasiStatic) or not scheme.eta or (linked is not None and linked is not False):
         return
     loose = [(eta, number) for number in floating(model) if (eta := _proposed(model, number, scheme.h)) is not None]
@@ -92,15 +94,33 @@ def _proposed(model: Model, number: int, h: float) -> float | None:
     return TENFOLD * eta if laws and eta is not None else eta
 
 
-def _limit_load(model: Model, times: tuple[float, float, float]) -> Iterator[str]:
-    plastic = [body.name for body in model.deformable if _is_plastic(body.part.material)]
+def _limit_load(model: Model, times: tuple[float, float, float], state: State | None) -> Iterator[str]:
+    plastic = {body.name for body in model.deformable if _is_plastic(body.part.material)}
     forces = [np.linalg.norm(model.load(t) - model.driven_share(model.load(t))) for t in times[1:]]
-    if plastic and forces[0] > 0:
+    if state is not None and plastic and forces[1] > 0:
+        plastic &= {model.bodies[k].name for k in yielding(model, state, float(forces[0] / forces[1]), times)}
+    name = next((body.name for body in model.deformable if body.name in plastic), None)
+    if name is not None and forces[0] > 0:
         yield (
-            f"the loads may be more than plastic body {plastic[0]!r} can bear (its limit load): the last that it bore are those of "
+            f"the loads may be more than plastic body {name!r} can bear (its limit load): the last that it bore are those of "
             f"t = {times[2]:.6g} s, {forces[1] / forces[0]:.3g} of those at the end of this step; to go on, drive it by supports with a "
             "displacement in place of the load, or give it hardening"
         )
+
+
+def yielding(model: Model, state: State, ratio: float, times: tuple[float, float, float]) -> Iterator[int]:
+    """Numbers of the bodies that have flowed plastically somewhere at `state`, or would where its displacements, in proportion to the
+    loads, were those of the end of the step: by `ratio`, > 1 where loads grow. One that is elastic up to its limit load has not before."""
+    bodies, x = model.nonlinear, max(ratio, 1.0) * state.x
+    with np.errstate(all="ignore"):  # so far from the state that was reached a law may have no answer: nan, which differs too
+        after = bodies.inner(x, state.internal, times[1], times[1] - times[2]).variables
+    for (group, part, first), (_, _, last) in zip(bodies.shares(None), bodies.shares(after), strict=True):
+        flowed = np.zeros(len(group.members), dtype=bool)
+        for (region, begun), (_, now) in zip(part.region_variables(first), part.region_variables(last), strict=True):
+            named = [np.full(variable.components, "plastic" in variable.name) for variable in region.law.variables]
+            column = np.concatenate([*named, np.empty(0, dtype=bool)])
+            flowed |= (now[..., column] != begun[..., column]).any(axis=(1, 2, 3))
+        yield from group.members[flowed].tolist()
 
 
 def _is_plastic(material: AnyMaterial | ByRegion) -> bool:

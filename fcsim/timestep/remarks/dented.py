@@ -6,6 +6,7 @@ import numpy as np
 
 from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.contact_detection import Detection, ExactContacts
+from fcsim.contact_detection.detection import innermost
 from fcsim.contact_detection.exact.dents import FINE, around
 from fcsim.contact_detection.exact.mesh_skin import MeshSkin
 from fcsim.contact_detection.exact.solids import Placed, leaves_by_its_side, placed
@@ -34,6 +35,7 @@ def dented(step: Step, detection: Detection, steps: int, when: str, said: frozen
     """
     if "dented" in said or not (looked_at(step.number) or step.number == steps):
         return {}
+    detection = innermost(detection)
     skin = detection.skin if isinstance(detection, ExactContacts) else None
     if not isinstance(detection, ExactContacts) or skin is None or not skin.deforms.any() or not len(step.contacts):
         return {}

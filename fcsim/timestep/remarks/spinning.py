@@ -6,6 +6,7 @@ import numpy as np
 
 from fcsim.arrays import FloatArray
 from fcsim.contact_detection import Detection, Detector
+from fcsim.contact_detection.detection import innermost
 from fcsim.problem import SLIP
 from fcsim.timestep.step import Step
 
@@ -28,7 +29,8 @@ def spinning(step: Step, detection: Detection, when: str, said: frozenset[str]) 
     contacts, met = step.contacts, step.encounter
     if "spinning" in said or len(contacts) < LEAST or contacts.dimension < 3 or met.terms.spinning is not None:
         return {}
-    if isinstance(detection, Detector) and any(pair.candidates != "nodes" for pair in detection.pairs):
+    within = innermost(detection)
+    if isinstance(within, Detector) and any(pair.candidates != "nodes" for pair in within.pairs):
         return {}
     loaded = step.contact_force[:, 0] > 0
     slips = (step.contact_status == SLIP) & loaded & (contacts.mu > 0)

@@ -189,11 +189,11 @@ def restitution_of_points(model: Model, scheme: Scheme) -> Iterator[str]:
     if restitution == 0:
         return
     held = {support.body for support in model.supports}
-    for body in model.deformable:
+    for body, extent in zip(model.deformable, model.extents.tolist(), strict=False):
         moduli, density = _moduli(body.part.material), getattr(body.part.material, "density", None)
         if body.name in held or not moduli or not density:
             continue
-        passage = float(np.ptp(body.points, axis=0).min() / np.sqrt(max(moduli) / density))
+        passage = float(extent / np.sqrt(max(moduli) / density))
         if scheme.h < PASSAGES * passage:
             yield (
                 f"restitution {restitution:g} is that of the points that touch: of body {body.name!r}, through which sound takes "

@@ -20,6 +20,7 @@ from fcsim.errors import InputError
 from fcsim.mesh.blocks import brick
 from fcsim.mesh.material import Material
 from fcsim.mesh.part import Body, Part, RigidBody
+from fcsim.mesh.rigid import rigid_body
 
 STEEL = Material(2e11, 0.3, 7800.0)
 TILT = Rotation.from_rotvec([0.4, -0.7, 0.3]).as_matrix()
@@ -321,3 +322,13 @@ def test_a_load_of_ones_own_class_is_told_what_there_is() -> None:
 
     with pytest.raises(InputError, match=r"loads: expected Traction, Force, .* got an object of class Wind; own loads are NodalForces"):
         build_model([Body("block", brick("block", (1.0, 1.0, 1.0), (1, 1, 1), Material(1e9, 0.2, 2000.0)))], loads=[Wind()])  # type: ignore[list-item]
+
+
+def test_a_body_that_is_turned_is_as_thin_as_it_was() -> None:
+    """The smallest extent of a cube, a plate and a rigid plate is that of their edges, however they are placed."""
+    sizes = {"plate": (0.5, 0.4, 0.02), "cube": (0.3, 0.3, 0.3)}
+    bodies: list[Body | RigidBody] = [Body(name, brick(name, size, (2, 2, 1), STEEL), TILT) for name, size in sizes.items()]
+    bodies.append(rigid_body(Body("rigid", brick("rigid", sizes["plate"], (2, 2, 1), STEEL), TILT)))
+    model = build_model(bodies)
+    assert_allclose(model.extents, (0.02, 0.3, 0.02), rtol=1e-12)
+    assert_allclose(model.thinnest, 0.02, rtol=1e-12)

@@ -1,11 +1,12 @@
 """Round bodies of exact shape that dent facets too long for them are named; those on fine facets and on what is flat are not."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
-from fcsim import Body, ExactContacts, Limits, QuasiStatic, Simulation, Support, build_model
+from fcsim import Body, ExactContacts, Limits, QuasiStatic, Simulation, Support, build_model, without_contact_of
 from fcsim.mesh import rigid_capsule, rigid_cylinder, rigid_sphere
 from fcsim.mesh.material import Material
 from tests.analytic.references.meshes import block
@@ -51,9 +52,12 @@ def test_fine_facets_and_shallow_dents_are_silent() -> None:
     assert said("sphere", 0.2, 5e-5) == []
 
 
-def told(depth: float, steps: int = 1) -> list[tuple[int, float]]:
-    """Steps and numbers of facets in the remarks on a sphere of radius 1 that touches few facets of 0.05."""
+def told(depth: float, steps: int = 1, around: bool = False) -> list[tuple[int, float]]:
+    """Steps and numbers of facets in the remarks on a sphere of radius 1 that touches few facets of 0.05; around: within another
+    detection."""
     run = pressed("sphere", 0.05, depth, 0.0, 6, steps)
+    if around:
+        run = replace(run, detector=without_contact_of(without_contact_of(run.detector, run.model, []), run.model, []))
     found = [(step.number, text) for step in run for text in step.remarks if "too few to tell" in text]
     assert all(text.startswith(f"step {number}, ") and "'ball' touches 'slab' within 0.0" in text for number, text in found)
     return [(number, float(text.split("which is ")[1].split(" of")[0])) for number, text in found]
@@ -63,6 +67,7 @@ def test_few_facets_in_a_contact_are_said() -> None:
     """H. Hertz 1881: a = sqrt(R d) is 1.25 facets, d the depth; the outermost vertex that bears is less than a facet from there."""
     ((number, facets),) = told(0.0625**2, 2)
     assert number == 2 and abs(facets - 1.25) < 0.5
+    assert told(0.0625**2, 2, around=True) == [(number, facets)]
 
 
 def test_a_contact_that_grows_beyond_few_facets_is_not_named_nor_a_single_touch() -> None:

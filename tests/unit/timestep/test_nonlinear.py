@@ -221,6 +221,18 @@ def test_a_load_beyond_what_a_plastic_body_bears_is_said() -> None:
     assert "displacement in place of the load" in str(said.value)
 
 
+def test_a_plastic_body_that_is_far_from_yielding_is_not_blamed() -> None:
+    """Beside the square that collapses, as above, stands one that bears a tenth of its limit load, and comes first."""
+    weak, strong = Plastic(1000.0, 0.3, 1.0, 1.0), Plastic(1000.0, 0.3, 1.0, 10.0)
+    parts = [rectangle(name, (1, 1), (1, 1), law, plane="stress") for name, law in (("strong", strong), ("weak", weak))]
+    bodies = [Body(part.name, part, translation=(2.0 * k, 0.0)) for k, part in enumerate(parts)]
+    held = [Support(part.name, (axis,), f"{axis}-") for part in parts for axis in "xy"] + [Support("far", ("x", "y", "rz"))]
+    loads = [Traction(part.name, "y+", (0, 1.05), factor=lambda t: t) for part in parts]
+    model = build_model([*bodies, rigid_rectangle("far", (1, 1), (0, FAR), 1.0)], supports=held, loads=loads)
+    with pytest.raises(NotConverged, match="more than plastic body 'weak' can bear"):
+        list(simulation(model, [("strong", "y+", "far", "y-")], QuasiStatic(0.5), 2, cuttings=1))
+
+
 def test_a_law_with_memory_from_elsewhere() -> None:
     """A damage law at points: s = (1 - D) C eps, D = 1 - e0 / e of the largest e = sqrt(eps : eps) so far, above e0: what is taken from the
     stored energy is dissipated, and the unloaded bar goes back to zero on the secant."""

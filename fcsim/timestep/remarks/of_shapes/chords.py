@@ -6,10 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from fcsim.arrays import BoolArray
+from fcsim.arrays import BoolArray, IntArray
 from fcsim.assembly.model import Model
 from fcsim.contact_detection import Detection, Detector, Everything, SurfacePair
 from fcsim.contact_detection.contacts import Contacts
+from fcsim.contact_detection.detection import innermost, left_out
 from fcsim.contact_detection.surfaces.model_surfaces import bulges_of_all_chords
 from fcsim.contact_detection.surfaces.surface import ContactSurface
 from fcsim.timestep.remarks.coarse import looked_at
@@ -30,7 +31,8 @@ class Chords:
     """
 
     def __init__(self, detection: Detection, steps: int) -> None:
-        self._detection, self._steps = detection, steps
+        self._detection, self._steps = innermost(detection), steps
+        self._left_out = left_out(detection)
         self._smooth: tuple[Detection, BoolArray, BoolArray] | None = None
         self._asked = False
 
@@ -47,6 +49,7 @@ class Chords:
         now = step.encounter.meeting.contacts
         pressed = _of(hollow, round_, now) & (step.contact_force[:, 0] > 0)
         there = detection(step.encounter.meeting.positions)
+        there = there.take(~_between(there, self._left_out))
         fits = there.take(_of(hollow, round_, there) & ((there.gap <= 0) | np.isin(there.identity, now.identity[pressed])))
         at, known = places(now.identity, fits.identity)
         own = np.append(now.gap, 0.0)[at]
@@ -65,6 +68,11 @@ class Chords:
                     "of Everything, or facets at less than 23 degrees to each other (docs/contact_rules.md)"
                 }
         return {}
+
+
+def _between(contacts: Contacts, pairs: IntArray) -> BoolArray:
+    """Which contacts (nc,) are of those pairs of bodies (n, 2), the lower number first."""
+    return np.asarray((np.sort(contacts.bodies, axis=1)[:, None] == pairs).all(axis=2).any(axis=1))
 
 
 def _of(hollow: BoolArray, round_: BoolArray, contacts: Contacts) -> BoolArray:
