@@ -27,6 +27,7 @@ from fcsim.linear.storage import SUM_UP_TO
 from fcsim.problem import GlobalProblem, Judge, LocalProblem
 from fcsim.problem.reduction import reduced
 from fcsim.solvers import method, solve
+from fcsim.tables import cell
 
 Progress = Callable[[str, int, int], None]
 
@@ -168,10 +169,11 @@ def _names(chosen: Sequence[Graded], directory: Path) -> list[str]:
     taken: set[str] = set()
     names = []
     for graded in chosen:
-        folders = [part for part in graded.member.path.relative_to(directory).parent.parts if part not in FORMS]
+        folders = [cell(part) for part in graded.member.path.relative_to(directory).parent.parts if part not in FORMS]
         stem, step = graded.member.stem, graded.name.step or 0
         sets = chain((graded.name.fclib_set, stem, "-".join([*folders, stem])), (f"{'-'.join([*folders, stem])}_{k}" for k in numbers(2)))
-        name = next(name for s in sets if (name := file_name(s, graded.iterations, graded.nc, step)).lower() not in taken)
+        made = (file_name(s.replace("\\", "_"), graded.iterations, graded.nc, step) for s in sets)  # bytes that are no UTF-8: \udce9
+        name = next(name for name in made if name.lower() not in taken)
         taken.add(name.lower())
         names.append(name)
     return names
