@@ -21,7 +21,7 @@ from fcsim.collection.properties import Properties, properties
 from fcsim.collection.readme import facts, write_readme
 from fcsim.errors import FcsimError, InputError, MissingDependency
 from fcsim.export_fclib import FclibFile, file_name, read_fclib
-from fcsim.files import sha256
+from fcsim.files import resolved, sha256
 from fcsim.linear.factors import SingularMatrix
 from fcsim.linear.storage import SUM_UP_TO
 from fcsim.problem import GlobalProblem, Judge, LocalProblem
@@ -104,7 +104,8 @@ def select_problems(
     refuse_folder(out, overwrite, directory)
     known = read_manifests_below(directory)
     asked = _Asked(directory, count, solver, tol, time_limit, seed, spectrum_up_to, made)
-    graded, left_out = _grade_all(members(directory), known, asked, progress)
+    found = [member for member in members(directory) if not resolved(member.path).is_relative_to(resolved(out))]  # earlier copies
+    graded, left_out = _grade_all(found, known, asked, progress)
     notes = [*notes, *left_out]
     if count > len(graded):
         notes.append(f"{count} problems were asked for, there are {len(graded)}.")

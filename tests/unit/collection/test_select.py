@@ -212,6 +212,14 @@ def test_members_of_a_run(tmp_path: Path) -> None:
     ]
 
 
+def test_a_selection_within_its_source_does_not_count_its_own_copies(tmp_path: Path) -> None:
+    for k in range(3):
+        write(tmp_path / f"p{k}.hdf5", one_contact(5 + k))
+    for _ in range(2):
+        selection = select_problems(tmp_path, tmp_path / "out", solver="MADE-UP", overwrite=True)
+        assert len(selection.graded) == 3
+
+
 def test_refusals(built: Built, tmp_path: Path) -> None:
     for arguments, message in (
         ({"solver": "NSN"}, "solver 'NSN': expected one of"),
