@@ -100,6 +100,8 @@ def build_collection(
             )  # VTK files of the last step only
             if run_case(load_case(case_place(source)), assignments or {}, made, options, watch=watch).status == "interrupted":
                 raise KeyboardInterrupt
+            if not any(made.rglob("*.hdf5")):
+                raise InputError(f"{source}: expected steps that every = {every} divides, to make a collection of; the run had none")
         built = _write_collection(
             open_run(source if is_run else made), folder, _Kept(every, iterations, pictures), authors, spectrum_up_to, progress
         )

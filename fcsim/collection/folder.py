@@ -17,6 +17,7 @@ from fcsim.brief import shown
 from fcsim.collection.manifest import MANIFEST, read_manifest
 from fcsim.errors import InputError
 from fcsim.files import alone_in, resolved
+from fcsim.tables import cell
 
 FORMS = ("global", "local")
 BESIDE = (MANIFEST, "README.md", "picture.png", "distributions.png", "selection.png")
@@ -150,7 +151,7 @@ def refuse_folder(path: Path, overwrite: bool, source: Path | None = None) -> No
 
 @dataclass(frozen=True)
 class Member:
-    """A problem of a folder: its files, the global form first where both are there."""
+    """A problem of a folder: its files, the global form first where both are there; `stem` is their name as tables have it."""
 
     stem: str
     paths: tuple[Path, ...]
@@ -176,7 +177,7 @@ def members(directory: str | Path) -> list[Member]:
         found.setdefault((path.parent.parent if beside else path.parent, path.stem), []).append(path)
     if not found:
         raise InputError(f"{directory}: expected FCLIB files (*.hdf5), the folder holds none")
-    return sorted((Member(stem, tuple(paths)) for (_, stem), paths in found.items()), key=lambda member: natural(member.stem))
+    return sorted((Member(cell(stem), tuple(paths)) for (_, stem), paths in found.items()), key=lambda member: natural(member.stem))
 
 
 def natural(text: str) -> list[tuple[int, str]]:

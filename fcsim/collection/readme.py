@@ -72,5 +72,5 @@ def write_readme(
     said = "## Notes\n\n" + "".join(f"* {note}\n" for note in notes) + "\n" if notes else ""
     content = f"# {title}\n\n{first}{table}\n## How it was made\n\n{text}\n\n{''.join(images)}## Files\n\n{MANIFEST_TEXT}\n\n{said}"
     with replacing(path) as temporary:
-        temporary.write_text(content.rstrip() + "\n", encoding="utf-8")
+        temporary.write_text(content.rstrip() + "\n", encoding="utf-8", errors="backslashreplace")
     return path

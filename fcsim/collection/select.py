@@ -21,12 +21,13 @@ from fcsim.collection.properties import Properties, properties
 from fcsim.collection.readme import facts, write_readme
 from fcsim.errors import FcsimError, InputError, MissingDependency
 from fcsim.export_fclib import FclibFile, file_name, read_fclib
-from fcsim.files import sha256
+from fcsim.files import resolved, sha256
 from fcsim.linear.factors import SingularMatrix
 from fcsim.linear.storage import SUM_UP_TO
 from fcsim.problem import GlobalProblem, Judge, LocalProblem
 from fcsim.problem.reduction import reduced
 from fcsim.solvers import method, solve
+from fcsim.tables import cell
 
 Progress = Callable[[str, int, int], None]
 
@@ -103,7 +104,8 @@ def select_problems(
     refuse_folder(out, overwrite, directory)
     known = read_manifests_below(directory)
     asked = _Asked(directory, count, solver, tol, time_limit, seed, spectrum_up_to, made)
-    graded, left_out = _grade_all(members(directory), known, asked, progress)
+    found = [member for member in members(directory) if not resolved(member.path).is_relative_to(resolved(out))]  # earlier copies
+    graded, left_out = _grade_all(found, known, asked, progress)
     notes = [*notes, *left_out]
     if count > len(graded):
         notes.append(f"{count} problems were asked for, there are {len(graded)}.")
@@ -168,10 +170,11 @@ def _names(chosen: Sequence[Graded], directory: Path) -> list[str]:
     taken: set[str] = set()
     names = []
     for graded in chosen:
-        folders = [part for part in graded.member.path.relative_to(directory).parent.parts if part not in FORMS]
+        folders = [cell(part) for part in graded.member.path.relative_to(directory).parent.parts if part not in FORMS]
         stem, step = graded.member.stem, graded.name.step or 0
         sets = chain((graded.name.fclib_set, stem, "-".join([*folders, stem])), (f"{'-'.join([*folders, stem])}_{k}" for k in numbers(2)))
-        name = next(name for s in sets if (name := file_name(s, graded.iterations, graded.nc, step)).lower() not in taken)
+        made = (file_name(s.replace("\\", "_"), graded.iterations, graded.nc, step) for s in sets)  # bytes that are no UTF-8: \udce9
+        name = next(name for name in made if name.lower() not in taken)
         taken.add(name.lower())
         names.append(name)
     return names

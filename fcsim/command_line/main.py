@@ -141,7 +141,8 @@ def _acted(options: argparse.Namespace) -> tuple[int, str]:
     except OSError as error:  # a full disk
         if error.filename is None and _nowhere():
             return EXIT_BAD_INPUT, "the working directory is no longer there: go to another folder"
-        return EXIT_BAD_INPUT, f"{error.filename}: {error.strerror}" if error.filename and error.strerror else str(error)
+        name = error.filename2 or error.filename  # of a copy the file that was written
+        return EXIT_BAD_INPUT, f"{name}: {error.strerror}" if name and error.strerror else str(error)
     except (KeyboardInterrupt, SystemError) as error:
         if not is_interrupt(error):
             raise

@@ -80,7 +80,7 @@ def any_encoding() -> None:
 
 def table_lines(header: Sequence[str], rows: Iterable[Sequence[str]], *, texts: int = 1) -> list[str]:
     """A table in aligned columns, two spaces apart: the first `texts` columns to the left, numbers to the right."""
-    lines = [tuple(map(printable, line)) for line in (header, *rows)]
+    lines = [tuple(one_line(printable(cell)) for cell in line) for line in (header, *rows)]
     widths = [max(len(line[k]) for line in lines) for k in range(len(header))]
     aligned = (
         "  ".join(cell.ljust(width) if k < texts else cell.rjust(width) for k, (cell, width) in enumerate(zip(line, widths, strict=True)))

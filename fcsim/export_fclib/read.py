@@ -33,7 +33,8 @@ def read_fclib(path: str | PathLike[str]) -> FclibFile:
     """
     path = path_of("path", "an FCLIB file", path)
     if not path.is_file():
-        raise InputError(f"{path}: expected an FCLIB file, found {'a folder' if path.is_dir() else 'no such file'}")
+        found = "a folder" if path.is_dir() else "a pipe or a device" if path.exists() else "no such file"
+        raise InputError(f"{path}: expected an FCLIB file, found {found}")
     try:
         return _read(path, opened_apart(path))
     except InputError as error:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from os import PathLike
 from pathlib import Path
 
@@ -11,6 +11,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from fcsim.brief import shown
 from fcsim.errors import InputError
 from fcsim.export_fclib.chunks import Compressor
 from fcsim.export_fclib.content import FORMS, Solution, Storage, solution_sizes
@@ -41,7 +42,7 @@ def write_fclib(
     chunked, shuffled gzip data sets, about 5 times smaller, which the reference library reads as they are; files of one series, given
     the same Compressor, compress only what differs from the file before. Matrix entries stored twice are summed, explicit zeros are kept.
     Problems with spinning friction are written as FCLIB's rolling problems where no contact has both resistances, see `two_moments`.
-    Raises InputError for a storage, a solution or a folder that does not fit, and for sizes beyond FCLIB's 32-bit integers.
+    Raises InputError for a storage, a solution, a text or a folder that does not fit, and for sizes beyond FCLIB's 32-bit integers.
     """
     path = path_of("path", "an FCLIB file to write", path)
     if storage not in ("csc", "csr", "triplet"):
@@ -53,6 +54,8 @@ def write_fclib(
     name = next((name for name, form in FORMS.items() if isinstance(problem, form.problem)), None)
     if name is None:
         raise InputError(f"problem: expected a GlobalProblem, LocalProblem or GlobalRollingProblem, got {type(problem).__name__}")
+    texts = {"title": title, "description": description, "math_info": math_info}
+    _refuse_kinds(solution, guesses, texts, compression)
     problem, (solution, *others) = two_moments(problem, (solution, *guesses))
     guesses = [guess for guess in others if guess is not None]
     form = FORMS[name]
@@ -67,7 +70,7 @@ def write_fclib(
         for letter in (*form.vectors, form.optional_vector):
             if (vector := getattr(problem, letter)) is not None:
                 _write_array(vectors, letter, vector, compressor)
-        _write_info(group, {"title": title, "description": description, "math_info": math_info})
+        _write_info(group, texts)
         if solution is not None:
             _write_solution(file.create_group("solution"), solution, problem, compressor)
         if guesses:
@@ -76,6 +79,19 @@ def write_fclib(
             for number, guess in enumerate(guesses, start=1):
                 _write_solution(group.create_group(str(number)), guess, problem, compressor)
     return path
+
+
+def _refuse_kinds(solution: object, guesses: object, texts: Mapping[str, object], compression: object) -> None:
+    """InputError where an argument is of another kind than `write_fclib` says."""
+    if not isinstance(solution, Solution | None):
+        raise InputError(f"solution: expected a Solution, got {shown(solution)}")
+    if not isinstance(guesses, Sequence) or not all(isinstance(guess, Solution) for guess in guesses):
+        raise InputError(f"guesses: expected a list of Solutions, got {shown(guesses)}")
+    for name, text in texts.items():
+        if not isinstance(text, str | None):
+            raise InputError(f"{name}: expected a text, got {shown(text)}")
+    if not isinstance(compression, bool | Compressor):
+        raise InputError(f"compression: expected True, False or a Compressor, got {shown(compression)}")
 
 
 def file_name(collection: str, iterations: int, nc: int, step: int) -> str:
@@ -122,7 +138,7 @@ def _write_matrix(group: h5py.Group, matrix: Matrix, storage: Storage, compresso
     _write_array(group, "x", lines.data, compressor)
 
 
-def _write_info(group: h5py.Group, texts: dict[str, str | None]) -> None:
+def _write_info(group: h5py.Group, texts: Mapping[str, str | None]) -> None:
     given = {name: text.encode("utf-8", "backslashreplace") for name, text in texts.items() if text is not None}
     if given:
         info = group.create_group("info")
@@ -135,6 +151,10 @@ def _write_solution(group: h5py.Group, solution: Solution, problem: GlobalForm |
         vector = getattr(solution, name)
         if vector is None:
             raise InputError(f"solution: expected the vector {name} of {size} entries, got none")
+        masked = isinstance(vector, np.ma.MaskedArray)
+        if masked or np.asarray(vector).dtype.kind not in "fiu":
+            got = "a masked array" if masked else f"values of type {np.asarray(vector).dtype}"
+            raise InputError(f"solution, {name}: expected a vector of real numbers, got {got}")
         vector = np.asarray(vector, dtype=np.float64)
         if vector.shape != (size,):
             raise InputError(f"solution, {name}: expected shape ({size},), got {vector.shape}")

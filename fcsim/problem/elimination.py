@@ -100,7 +100,7 @@ class Elimination:
         p, d = self.problem, self.problem.dimension
         V, RV = np.zeros((p.m, self._V.shape[1])), np.zeros((self._V.shape[1], p.m))
         V[self._touched], RV[:, self._touched] = self._V, self._RV
-        return p.diagonal_blocks - np.einsum("aik,kaj->aij", V.reshape(p.nc, d, -1), RV.reshape(-1, p.nc, d))
+        return p.diagonal_blocks - np.einsum("aik,kaj->aij", V.reshape(p.nc, d, V.shape[1]), RV.reshape(len(RV), p.nc, d))
 
     @cached_property
     def local(self) -> LocalProblem:
@@ -119,6 +119,8 @@ class Elimination:
 def _solve_consistent(R: FloatArray, rhs: FloatArray) -> FloatArray:
     """Return R^-1 rhs, or the least solution of a singular R whose range holds rhs; otherwise SingularMatrix."""
     size = float(np.abs(rhs).max(initial=0.0))
+    if not len(R):  # of which there is no condition
+        return np.zeros(rhs.shape)
     try:
         solved = DenseLU(R).solve(rhs)
         if np.abs(R @ solved - rhs).max(initial=0.0) <= 1e-10 * size and np.linalg.cond(R) < 1e12:

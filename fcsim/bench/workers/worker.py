@@ -157,7 +157,7 @@ class Worker:
             problem = read_problem(Path(file))
             try:
                 _ = problem.scale  # the judge's factor, inherited by children and no part of their time or memory
-            except (RuntimeError, ValueError, MemoryError) as error:
+            except (ArithmeticError, RuntimeError, ValueError, MemoryError) as error:  # SingularMatrix is the first
                 raise InputError(f"{file}: its equations of motion cannot be solved: {error}") from error
             self.problems[file] = problem
         return self.problems[file]

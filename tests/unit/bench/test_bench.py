@@ -24,9 +24,10 @@ from fcsim.bench.workers.launch import WorkerProcess, cores
 from fcsim.bench.workers.siconos_client import siconos_version
 from fcsim.bench.workers.siconos_worker import CONFIGURATIONS
 from fcsim.bench.workers.solves import chain_like
-from fcsim.bench.workers.worker import Request, Settings, blank, judged
+from fcsim.bench.workers.worker import Request, Settings, Worker, blank, judged
 from fcsim.command_line.main import main
 from fcsim.command_line.sets.measuring import SICONOS_BEST
+from fcsim.errors import InputError
 from fcsim.export_fclib import GlobalRollingProblem, write_fclib
 from fcsim.linear.joints import FRONTS_FROM, joint_rows
 from fcsim.problem import GlobalProblem, LocalProblem
@@ -425,6 +426,15 @@ def test_forms_are_told_from_the_files(block: Path) -> None:
         assert not notes
     assert [e.name for e in entries([block], dimension=2)[0]] == ["here"]
     assert {(e.name, e.form) for e in entries([block], dimension=3)[0]} == {("block", "global"), ("block", "local")}
+
+
+def test_a_problem_without_an_answer_is_the_files_fault(tmp_path: Path) -> None:
+    """Constraints given twice: each solver was recorded as CRASHED, its worker begun anew for each."""
+    block = sliding_block()
+    twice = GlobalProblem(block.M, block.H, block.f, block.w, block.mu, np.ones((3, 2)), np.ones(2))
+    file = write_fclib(tmp_path / "twice.hdf5", twice)
+    with pytest.raises(InputError, match=r"twice\.hdf5: its equations of motion cannot be solved: .* singular"):
+        Worker(Settings(), tmp_path).problem(str(file))
 
 
 def test_names_of_any_bytes_are_known_again(tmp_path: Path) -> None:

@@ -185,7 +185,7 @@ def test_at_rest(run: Callable[..., Path], tmp_path: Path) -> None:
     assert any("At rest in step 2" in note for note in built.notes)
 
 
-def test_refusals(built: Built, run: Callable[..., Path], tmp_path: Path) -> None:
+def test_refusals(built: Built, run: Callable[..., Path], case_folder: Path, tmp_path: Path) -> None:
     directory = run()
     with pytest.raises(InputError, match="finished run"):
         build_collection(directory, tmp_path / "out", assignments={"steps": "3"})
@@ -193,6 +193,8 @@ def test_refusals(built: Built, run: Callable[..., Path], tmp_path: Path) -> Non
         build_collection(directory, tmp_path / "out", every=7)
     with pytest.raises(InputError, match="every: expected"):
         build_collection(directory, tmp_path / "out", every=0)
+    with pytest.raises(InputError, match="two_blocks: expected steps that every = 2 divides"):  # it named a folder that was gone
+        build_collection(case_folder, tmp_path / "out", assignments={"steps": "1"}, every=2)
     with pytest.raises(InputError, match="expected a folder NAME"):
         build_collection(tmp_path / "nothing", tmp_path / "out")
     with pytest.raises(InputError, match="--overwrite"):

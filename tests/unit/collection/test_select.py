@@ -142,6 +142,19 @@ def test_two_files_of_one_name(tmp_path: Path) -> None:
     assert {e.source for e in selection.entries} == {"SET-i00008-1-00003.hdf5", "SET-i00009-1-00003.hdf5"}
 
 
+def test_names_of_any_bytes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A name that is no UTF-8 ended a selection by a UnicodeEncodeError once all was solved; one of two lines was two in tables."""
+    for name in ("caf\udce9.hdf5", "two\nlines.hdf5", "\udcff/a b.hdf5", "a b.hdf5", "no\udcff.hdf5"):
+        write(tmp_path / "in" / name, one_contact(5))
+    (tmp_path / "in" / "no\udcff.hdf5").write_bytes(b"")
+    selection = select_problems(tmp_path / "in", tmp_path / "out", solver="MADE-UP")
+    assert len(selection.entries) == 4 == len(list((tmp_path / "out" / "local").iterdir()))
+    assert not any(row.failures for row in check_collection(tmp_path / "out"))
+    assert "no\\udcff: left out" in (tmp_path / "out" / "README.md").read_text(encoding="utf-8")
+    assert main(["collection", "check", str(tmp_path / "in")]) == 1
+    assert "\ntwo\\nlines.hdf5 " in capsys.readouterr().out
+
+
 def test_a_parameter_study(tmp_path: Path) -> None:
     """Four folders with files of equal names, as runs with other parameters leave them: no problem is lost, and all is counted."""
     for k, iterations in enumerate((5, 5, 5, 7)):
@@ -197,6 +210,14 @@ def test_members_of_a_run(tmp_path: Path) -> None:
         ("a-10", ["fclib/local/a-10.hdf5"]),
         ("b", ["b.hdf5"]),
     ]
+
+
+def test_a_selection_within_its_source_does_not_count_its_own_copies(tmp_path: Path) -> None:
+    for k in range(3):
+        write(tmp_path / f"p{k}.hdf5", one_contact(5 + k))
+    for _ in range(2):
+        selection = select_problems(tmp_path, tmp_path / "out", solver="MADE-UP", overwrite=True)
+        assert len(selection.graded) == 3
 
 
 def test_refusals(built: Built, tmp_path: Path) -> None:

@@ -177,6 +177,13 @@ def test_a_failed_write_leaves_the_old_file_whole(tmp_path):
         ({"storage": "coo"}, "storage: expected 'csc', 'csr' or 'triplet', got 'coo'"),
         ({"solution": Solution(np.zeros(12), np.zeros(12))}, "expected the vector v of 17 entries, got none"),
         ({"guesses": [Solution(np.zeros(12), np.full(12, np.nan), np.zeros(17))]}, "r: expected finite numbers"),
+        # the real parts, and what lies under a mask, were written without a word
+        ({"solution": Solution(np.zeros(12), np.zeros(12, complex), np.zeros(17))}, "r: expected a vector of real numbers, got values of"),
+        ({"solution": Solution(np.zeros(12), np.ma.masked_all(12), np.zeros(17))}, "r: expected a vector .*, got a masked array"),
+        ({"solution": {"r": 1}}, "solution: expected a Solution, got {'r': 1}"),
+        ({"guesses": None}, "guesses: expected a list of Solutions, got None"),
+        ({"title": b"x"}, "title: expected a text, got b'x'"),
+        ({"compression": "gzip"}, "compression: expected True, False or a Compressor, got 'gzip'"),
     ],
 )
 def test_what_cannot_be_written_is_refused(tmp_path, changes, message):

@@ -196,3 +196,13 @@ def test_file_with_constraints_through_the_command_line(tmp_path: Path, capsys: 
         solution = read_fclib(answer).solution
         assert solution is not None and solution.l is not None
         assert_allclose(local.V.T @ solution.r + local.R @ solution.l + local.s, 0, atol=1e-7)
+
+
+@pytest.mark.parametrize(("nc", "p"), [(0, 0), (0, 2), (1, 0)])
+def test_mixed_problems_without_contacts_or_without_constraints(nc: int, p: int) -> None:
+    """R l + s = 0 alone, and a ball that falls on rough ground: r = (1, 0, 0). Both were errors of NumPy's."""
+    V, R, s = np.zeros((3 * nc, p)), 2 * np.eye(p), np.ones(p)
+    problem = LocalProblem(np.eye(3 * nc), np.tile([-1.0, 0, 0], nc), np.full(nc, 0.3), V, R, s)
+    result = solve(problem)
+    assert result.solved and np.allclose(result.r, np.tile([1.0, 0, 0], nc))
+    assert np.array_equal(result.multiplier, np.full(p, -0.5))
