@@ -30,7 +30,7 @@ LEADS = 20
 """Its iterations within which each tenfold fall of that comes there: 8 to 14 on paths that arrive, 190 on one that crept for 422."""
 PATHS_OF_BEDS = 3
 """Paths that an interior point follows one after the other in beds of grains: of 28 that arrived there 8 did by the first one, 6 by the
-second, 8 by the third, 6 by the three after it. 69 beds of spheres, rocks and large friction: 0.98 of the cost that sharing after each has."""
+second, 8 by the third, 6 by the three after it."""
 PROOF_AFTER = 2.0
 """Times what a proof costs that others have spent when it enters: where there is a solution that costs half as much more at the most."""
 STUCK, FRESH = 100, 250
