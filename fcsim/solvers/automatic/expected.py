@@ -39,9 +39,10 @@ LED = 40
 """Iterations of proximal Newton whose cost sweeps spend in beds of grains before it begins. From 1300, 800, 500, 300 and 200 sweeps it took
 6, 9, 20, 38, 48 iterations on a bed of rocks, 15, 17, 16, 20, 22 on one of unlike masses, 33, 33, 13, more than 300, 195 on one of large
 friction. 72 beds of rocks and large friction to 1e-4 with 15, 40 and 60: 6.61, 3.78, 4.07 s, counted."""
-LED_OF_DISCS = 60
-"""The same in 2D where W is sparse: NNCG finds out which contacts hold at a stroke after long plateaus, of 38 beds of discs to 1e-8 in 161
-to 3400 sweeps on 25."""
+LED_IN_W = 60
+"""The same where it eliminates in W, as in beds of discs and spheres, which costs most: NNCG finds out which contacts hold at a stroke
+after long plateaus, of 38 beds of discs to 1e-8 in 161 to 3400 sweeps on 25. 28 beds of spheres to 1e-8 with none, 40 and 60: 4.5, 4.4,
+3.7 s, counted."""
 
 
 def swept(race: Race) -> float:
@@ -88,7 +89,8 @@ def sweeps_lead_on(race: Race) -> bool:
     they find out which contacts hold at a fraction of its price."""
     if race.warm or race.joints is not None or held_as_blocks(race) or "sweeps" not in race.runners:
         return False
-    led = LED if race.prices.in_velocities else LED_OF_DISCS if race.problem.dimension == 2 else 0
+    in_w = LED_IN_W if race.problem.dimension == 2 or race.problem.delassus.motion is not None else 0
+    led = LED if race.prices.in_velocities else in_w
     return race.runners["sweeps"].spent < led * race.prices.running(closed(race))
 
 

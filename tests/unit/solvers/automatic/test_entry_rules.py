@@ -169,6 +169,25 @@ def test_an_interior_point_is_on_a_path_that_leads_on(paths: list[list[float]], 
     assert later.on_a_path(Shown(paths=paths)) is leads  # type: ignore[arg-type]
 
 
+@pytest.mark.parametrize(
+    ("changes", "paths", "alone"),
+    [
+        ({}, [FORTH], True),
+        ({}, [BACK], False),
+        ({}, [BACK, BACK, []], True),  # of beds in 3D three paths one after the other
+        ({}, [BACK, BACK, BACK, []], False),
+        ({"dimension": 2}, [BACK, []], False),
+        ({"holds": FACES_HELD, "best": 1.1e-4}, [FORTH], True),
+        ({"holds": FACES_HELD, "best": 1e-4}, [FORTH], False),  # what is left sweeps and proximal Newton do in less
+        ({"holds": EDGES_HELD, "dimension": 2, "best": 1e-4}, [FORTH], False),
+        ({"holds": FACES_HELD, "best": 1.1e-4}, [BACK, []], False),
+        ({"best": 1e-6}, [FORTH], True),
+    ],
+)
+def test_an_interior_point_is_alone(changes: dict[str, Any], paths: list[list[float]], alone: bool) -> None:
+    assert later.interior_alone(state(**changes), Shown(paths=paths)) is alone  # type: ignore[arg-type]
+
+
 PATH = Shown(iterations=30, paths=[FORTH])
 
 
