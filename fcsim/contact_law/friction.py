@@ -22,7 +22,8 @@ from fcsim.errors import InputError, asked
 class Sliding:
     """What a friction coefficient may depend on, contact by contact.
 
-    slip (nc,) [m] the distance slid under pressure so far; velocity (nc,) [m/s] ||u_T||; point (nc, d) [m]; t [s]; mu (nc,) of the pair
+    slip (nc,) [m] the distance slid under pressure so far; velocity (nc,) [m/s] ||u_T||; point (nc, d) [m]; t [s]; mu (nc,) of the pair;
+    rest (nc,) [m/s] at most so much is rest: `REST` of the smaller body's size in a step
     """
 
     slip: FloatArray
@@ -30,7 +31,12 @@ class Sliding:
     point: FloatArray
     t: float
     mu: FloatArray
+    rest: FloatArray
 
+
+REST = 1e-9
+"""Share of a body's size that solvers leave of what sticks in a step, and more: their tolerance of what bodies move, 1e-8, is so much where
+they move by a tenth of their size in a step."""
 
 Friction = Callable[[Sliding], FloatArray]
 """mu (nc,) from what it depends on: one of the classes below, or a function of one's own (a lookup of temperature, a field)."""
@@ -76,18 +82,22 @@ class RateDependent:
 
 @dataclass(frozen=True)
 class StaticKinetic:
-    """mu = static where ||u_T|| <= at_rest [m/s], kinetic where it slides faster: the textbook's two coefficients."""
+    """mu = static where ||u_T|| <= at_rest [m/s], kinetic where it slides faster: the textbook's two coefficients.
+
+    at_rest None: 1e-9 of the smaller body's size in a step, which is the same motion in all units
+    """
 
     static: float
     kinetic: float
-    at_rest: float = 1e-6
+    at_rest: float | None = None
 
     def __post_init__(self) -> None:
         _coefficients(self, "static", "kinetic")
-        _positive(self, "at_rest")
+        if self.at_rest is not None:
+            _positive(self, "at_rest")
 
     def __call__(self, sliding: Sliding) -> FloatArray:
-        return np.where(sliding.velocity > self.at_rest, self.kinetic, self.static)
+        return np.where(sliding.velocity > (sliding.rest if self.at_rest is None else self.at_rest), self.kinetic, self.static)
 
 
 @dataclass(frozen=True)
@@ -149,7 +159,8 @@ def friction_terms(friction: Friction | Elliptic | None, meeting: Meeting) -> Fr
         velocity = np.sqrt(np.einsum("ai,ai->a", meeting.before[:, 1:], meeting.before[:, 1:]))
     else:
         velocity = np.nan_to_num(meeting.recall("rate", np.zeros(len(contacts))))
-    sliding = Sliding(meeting.recall("slip", np.zeros(len(contacts))), velocity, contacts.point, meeting.t, contacts.mu)
+    rest = REST * meeting.size / meeting.timing.h
+    sliding = Sliding(meeting.recall("slip", np.zeros(len(contacts))), velocity, contacts.point, meeting.t, contacts.mu, rest)
     mu = numbers_of(asked(f"friction {friction!r:.60} at t = {meeting.t} s", friction, sliding))
     if mu.shape != contacts.mu.shape or not np.all(np.isfinite(mu) & (mu >= 0)):
         raise InputError(f"friction {friction!r}: expected {len(contacts)} finite coefficients >= 0, got {mu.shape}, {mu.ravel()[:5]} ...")

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from fcsim.assembly.loads import Force, Traction
 from fcsim.assembly.model import build_model
 from fcsim.assembly.supports import Support
 from fcsim.contact_detection import Detector, Everything, SurfacePair
@@ -14,7 +15,7 @@ from fcsim.contact_law import Compliant, Elliptic, Gap, RateDependent, SlipWeake
 from fcsim.contact_law.friction import Friction
 from fcsim.errors import InputError
 from fcsim.export_fclib import read_fclib, write_fclib
-from fcsim.mesh.blocks import brick, rigid_box
+from fcsim.mesh.blocks import brick, rigid_box, rigid_rectangle
 from fcsim.mesh.material import Material
 from fcsim.mesh.material.energies import saint_venant_kirchhoff
 from fcsim.mesh.part import Body
@@ -254,6 +255,46 @@ def test_friction_up_to_its_largest_coefficient_holds(bodies: str) -> None:
     late = Simulation(model, Everything(model, lambda one, other: 1e12), scheme, 3)
     with pytest.raises(InputError, match=r"up to 1e\+06, got 1e\+12"):
         list(late)
+
+
+@pytest.mark.parametrize(("m", "s"), [(1.0, 1.0), (1e6, 1e-3)])
+def test_what_sticks_to_a_belt_is_at_rest_in_all_units(m: float, s: float) -> None:
+    """A box on a belt of 0.1 m/s is held back by 0.4 of its weight: it sticks (mu_s = 0.5), and goes with it; thrown at half of that speed
+    it slides (mu_k = 0.3), and falls back by 0.1 g t. m, s: units of length and time in a metre and a second.
+
+    What counted as rest was 1e-6 in any units: in micrometres, less than what the solver leaves of 1e5, so that the box slid.
+    """
+    g, V, h = G * m / s**2, 0.1 * m / s, 1e-3 * s
+    belt, box = (
+        rigid_rectangle("belt", (4 * m, 0.2 * m), (0, -0.1 * m), 1.0),
+        rigid_rectangle("box", (0.4 * m, 0.1 * m), (0, 0.05 * m), 2.0),
+    )
+    model = build_model(
+        [belt, box],
+        supports=[Support("belt", ("x",), velocity=V), Support("belt", ("y", "rz"))],
+        loads=[Force("box", (-0.4 * 2.0 * g, 0.0))],
+        gravity=lambda t: (0.0, -g),
+    )
+    for thrown, goes in ((V, V), (V / 2, V / 2 - 0.1 * g * 40 * h)):
+        start = at_rest(model)
+        start.v[3:5] = thrown, 0.0
+        *_, last = Simulation(model, Everything(model, 0.5), Theta(h, law=Gap(friction=StaticKinetic(0.5, 0.3))), 40, initial=start)
+        assert last.state.v[3] == pytest.approx(goes, rel=1e-3)
+
+
+@pytest.mark.parametrize("way", [1e-7, 1e-2])
+def test_a_block_drawn_by_little_a_load_step_slides_with_its_kinetic_friction(way: float) -> None:
+    """On a floor, by 1e-7 of its size a step too: what counted as rest was 1e-6 in a unit of time, below which mu_s never ended."""
+    block = Body("block", brick("block", (1, 1, 1), (1, 1, 1), Material(1e8, 0.0, 1000.0)))
+    floor = rigid_box("floor", (4, 4, 1), (0.5, 0.5, -0.5), 1.0)
+    held = [Support("block", ("y",)), Support("block", ("x",), "z+", displacement=lambda t: way * t)]
+    model = build_model(
+        [block, floor], supports=[Support("floor", HELD), *held], loads=[Traction("block", "z+", (0.0, 0.0, -1e-2 * way * 1e8))]
+    )
+    law = Gap(friction=StaticKinetic(0.5, 0.2))
+    *_, step = Simulation(model, Everything(model, 0.5), QuasiStatic(1.0, eta=1.0, law=law), 4)
+    x, _, z = step.contact_force_on(0)
+    assert abs(x / z) == pytest.approx(0.2, rel=1e-3)
 
 
 def test_what_was_lifted_is_at_rest_when_it_meets_again() -> None:
