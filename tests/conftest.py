@@ -36,15 +36,27 @@ SOLVING = ("tests/conformance/", *(f"tests/unit/{room}/" for room in ("bench", "
 
 @pytest.hookimpl(wrapper=True)
 def pytest_collection() -> Generator[None, object, object]:
-    """What is collected, 12 000 tests and the modules they are in, lives to the end: Python's collector of cycles need not walk through
+    """What is collected, 13 000 tests and the modules they are in, lives to the end: Python's collector of cycles need not walk through
     it again and again, half a second each time."""
     gc.disable()
     try:
         return (yield)
     finally:
-        gc.collect()
-        gc.freeze()
+        keep_what_lives()
         gc.enable()
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_runtest_teardown(item: pytest.Item, nextitem: pytest.Item | None) -> None:
+    """So do the types and the compiled functions that a file of tests has made: each walk through them took up to a tenth of the time in
+    which numba compiled. The oldest objects are looked through where a file ends, and within one only after 2 million new ones."""
+    if nextitem is None or nextitem.path != item.path:
+        keep_what_lives()
+
+
+def keep_what_lives() -> None:
+    gc.collect()
+    gc.freeze()
 
 
 def covering(cases: Sequence[Mapping[str, Hashable]]) -> set[int]:
@@ -102,8 +114,31 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> object:
 
 
 def pytest_configure(config: pytest.Config) -> None:
+    gc.set_threshold(2000, 10, 100)
+    if hasattr(config, "workerinput") or not config.getoption("numprocesses", None):  # not what only hands tests to workers
+        refuse_shapes_in_few_words()
     if hasattr(config, "workerinput"):
         compile_once(ROOT / ".pytest_cache")
+
+
+def refuse_shapes_in_few_words() -> None:
+    """A compiled `a[i] = b` whose shapes differ raises ValueError with numba's short message, the one that it has for other targets. The
+    long one, which names the shapes, brings all of numba's texts into each such function, and into those that call it: two seconds in
+    each process that compiles, and then half of a small function's time."""
+    from numba.core.extending import overload
+    from numba.np import arrayobj
+
+    def refused(given: Any, expected: Any) -> None:
+        raise NotImplementedError
+
+    @overload(refused)
+    def refusal(given: Any, expected: Any) -> Any:
+        def refuse(given: Any, expected: Any) -> None:
+            raise ValueError("cannot assign slice from input of different size")
+
+        return refuse
+
+    arrayobj.raise_with_shape_context = refused
 
 
 def compile_once(folder: Path) -> None:

@@ -1,4 +1,5 @@
-"""Of two workers that need one function at the same time, one compiles it and the functions that it calls (tests/conftest.py)."""
+"""Of two workers that need one function at the same time, one compiles it and the functions that it calls; and what slices of other
+shapes are refused by is compiled quickly (tests/conftest.py)."""
 
 import os
 import sys
@@ -7,6 +8,8 @@ from collections.abc import Callable
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 
+import numba
+import numpy as np
 import pytest
 from numba.core import event
 from numba.core.dispatcher import Dispatcher
@@ -72,3 +75,14 @@ def test_two_processes_compile_a_function_once(tmp_path: Path, monkeypatch: pyte
     begin.touch()
     codes = sorted(os.WEXITSTATUS(os.waitpid(child, 0)[1]) for child in children)
     assert codes == [0, 2]  # outer and inner by one of them, nothing by the other
+
+
+def test_slices_of_other_shapes_are_refused_without_texts() -> None:
+    """By the message that holds no number, which would have to be written."""
+
+    @numba.njit
+    def put(a: np.ndarray, b: np.ndarray) -> None:
+        a[0] = b
+
+    with pytest.raises(ValueError, match=r"^cannot assign slice from input of different size$"):
+        put(np.zeros((2, 3)), np.zeros(2))

@@ -3,6 +3,7 @@
 import importlib
 import os
 import re
+import runpy
 import subprocess
 import sys
 from pathlib import Path
@@ -29,16 +30,20 @@ def test_there_are_guides() -> None:
 
 
 @pytest.mark.parametrize("page", EXAMPLES, ids=lambda page: page.stem)
-def test_the_examples_of_a_guide_run(page: Path, tmp_path: Path) -> None:
-    """In a process of their own, as a reader would run them; their assertions hold."""
+def test_the_examples_of_a_guide_run(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As the script that a reader would make of them; their assertions hold. What adds to the table of solvers has a process of its own."""
     examples = blocks(page)
     assert examples and any("assert" in example for example in examples)
     script = tmp_path / "example.py"
     script.write_text("\n".join(examples), encoding="utf-8")
-    done = subprocess.run(
-        [sys.executable, script], cwd=tmp_path, env=os.environ | {"PYTHONPATH": str(ROOT)}, capture_output=True, text=True, timeout=600
-    )
-    assert done.returncode == 0, done.stderr
+    if page.stem == "add_a_solver":
+        done = subprocess.run(
+            [sys.executable, script], cwd=tmp_path, env=os.environ | {"PYTHONPATH": str(ROOT)}, capture_output=True, text=True, timeout=600
+        )
+        assert done.returncode == 0, done.stderr
+        return
+    monkeypatch.chdir(tmp_path)
+    runpy.run_path(str(script), run_name="__main__")
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(ROOT).as_posix())

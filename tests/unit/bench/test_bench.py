@@ -333,7 +333,7 @@ def processes_in(folder: Path) -> list[int]:
 
 
 @pytest.mark.skipif(not Path("/proc/self/environ").exists(), reason="no /proc: processes left behind cannot be looked for")
-@pytest.mark.parametrize(("jobs", "ending"), [(2, signal.SIGKILL), (1, signal.SIGINT)])
+@pytest.mark.parametrize(("jobs", "ending"), [(2, signal.SIGKILL), pytest.param(1, signal.SIGINT, marks=pytest.mark.slow)])
 def test_a_bench_that_is_killed_goes_on(block: Path, plugin: Path, tmp_path: Path, jobs: int, ending: signal.Signals) -> None:
     write_fclib(block / "another.hdf5", sliding_block(0.2))
     out, notes = tmp_path / "out", tmp_path / "notes"

@@ -322,7 +322,14 @@ def test_an_error_inside_a_run_is_not_called_finished(case_folder: Path, tmp_pat
     assert about["status"] == "failed" and "no space left" in about["message"]
 
 
-@pytest.mark.parametrize(("sent", "code", "by"), [("SIGINT", 130, "the keyboard"), ("SIGTERM", 130, "SIGTERM"), ("SIGKILL", -9, "")])
+@pytest.mark.parametrize(
+    ("sent", "code", "by"),
+    [
+        ("SIGINT", 130, "the keyboard"),
+        pytest.param("SIGTERM", 130, "SIGTERM", marks=pytest.mark.slow),  # taken as SIGHUP is, in command_line/test_terminal.py
+        ("SIGKILL", -9, ""),
+    ],
+)
 def test_signals(case_folder: Path, tmp_path: Path, whole: Path, steps_without_seconds: Rows, sent: str, code: int, by: str) -> None:
     """A real process is stopped in the middle, which its folder says; resuming gives the uninterrupted run, bit by bit."""
     out, hold = tmp_path / "out", case_folder / "hold"

@@ -79,7 +79,7 @@ def test_spectral_radius(rho: float) -> None:
         assert np.abs(np.linalg.eigvals(amplification(rho, h))).max() <= 1 + 1e-7
 
 
-@pytest.mark.parametrize("rho", [0.0, 0.5, 0.8, 1.0])
+@pytest.mark.parametrize("rho", [0.0, pytest.param(0.5, marks=pytest.mark.slow), 0.8, 1.0])
 def test_smooth_motion_converges_with_order_two(rho: float) -> None:
     """Free damped vibration of two modes under a load, against the matrix exponential; far above the plane."""
     supports = [Support("block", ("x", "y"), "x-")]
@@ -174,7 +174,7 @@ def test_a_contact_that_lasts(rho: float, law: Any) -> None:
         assert_allclose(step.state.x[:3], 0, atol=1e-9)
 
 
-@pytest.mark.parametrize("rho", [0.0, 0.7])
+@pytest.mark.parametrize("rho", [pytest.param(0.0, marks=pytest.mark.slow), 0.7])
 def test_supports_carry_the_weight(rho: float) -> None:
     """At rest, after the vibration has died out."""
     model = block_on_plane(gap=5.0, supports=[Support("block", ("x", "y"), "x-")], gravity=lambda t: (0.0, -9.81), beta=0.3)
