@@ -9,24 +9,10 @@ import numpy as np
 from numba import njit
 
 
-@njit(cache=True, nogil=True)
-def transposed_borders(first, starts, offsets, values, borders):
-    """Into `borders`: of each front what `factorise` left below its own columns, column by column."""
-    at = 0
-    for s in range(len(first) - 1):
-        n1, n2 = first[s + 1] - first[s], starts[s + 1] - starts[s]
-        begin = offsets[s] + n1 * (n1 + n2)
-        below, to = values[begin : begin + n1 * n2].reshape(n2, n1), borders[at : at + n1 * n2].reshape(n1, n2)
-        for i in range(n2):
-            for k in range(n1):
-                to[k, i] = below[i, k]
-        at += n1 * n2
-
-
 @njit(cache=True, nogil=True, fastmath={"contract", "reassoc", "nsz"})
 def solve_single(order, first, starts, rows, offsets, values, borders, pivots, rhs, x, buffer, out):
-    """Into out (n,) or longer the solution of L U out = rhs: the fronts' arrays as `factorise` has and fills them,
-    borders as `transposed_borders` does; x, buffer (n,) are room.
+    """Into out (n,) or longer the solution of L U out = rhs: the fronts' arrays as `factorise_single` has and fills them;
+    x, buffer (n,) are room.
 
     Long because it is both substitutions over the same fronts.
     """
