@@ -112,8 +112,10 @@ class Delassus:
 
     @property
     def _in_pieces(self) -> bool:
-        """Whether products with a vector are by pieces of block rows, from whatever they are asked for."""
-        return isinstance(self.W, sp.bsr_array) and self.W.blocksize == (3, 3) and len(self.W.indices) >= 2 * BLOCKS_A_PIECE
+        """Whether products with a vector are by pieces of block rows, from whatever they are asked for: where there are several, and of
+        rigid bodies, whose proximal steps make two or three in ten iterations: SciPy's takes 0.15 ms of 660 contacts, that 0.05."""
+        W = self.W
+        return isinstance(W, sp.bsr_array) and W.blocksize == (3, 3) and (self.motion is not None or len(W.indices) >= 2 * BLOCKS_A_PIECE)
 
     def times(self, x: FloatArray) -> FloatArray:
         """(W + diag(shift)) x for x (m,), with the bits of `affine` without q; that of the last vector is kept where these are `@`'s."""

@@ -10,8 +10,11 @@ import scipy.sparse as sp
 
 from fcsim.arrays import IntArray
 from fcsim.linear.block_factors._lu_kernels import mirrored
+from fcsim.linear.block_factors._single_factor_kernels import planned
 from fcsim.linear.elimination_tree import elimination_tree
 
+Plan = tuple[IntArray, IntArray, IntArray, IntArray, IntArray, IntArray, int]
+"""Of `_single_factor_kernels.planned`."""
 PADDING = 0.15
 """Share of zeros in a front: they are small, so that their number counts."""
 
@@ -36,6 +39,13 @@ class Analysis:
     def mirror(self) -> IntArray:
         """For each entry (a, b) the place of (b, a), where rows are sorted and the pattern is symmetric."""
         return mirrored(self.indptr, self.indices)
+
+    @cached_property
+    def plan(self) -> Plan:
+        """`planned` of a matrix of single unknowns."""
+        order, first, starts, rows, _ = self.fronts
+        found: Plan = planned(self.indptr, self.indices, self.mirror, order, first, starts, rows)
+        return found
 
 
 _RECENT, _UP_TO = 4, 300_000

@@ -19,8 +19,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from fcsim.linear.block_factors._lu_kernels import factorise, sign
-from fcsim.linear.block_factors._single_kernels import solve_single, transposed_borders
+from fcsim.linear.block_factors._single_factor_kernels import factorise_single, sign_single
+from fcsim.linear.block_factors._single_kernels import solve_single
 from fcsim.solvers.newton.systems._velocity_kernels import add_shares_to_rows
 from fcsim.solvers.proximal._path_kernels import end_of_piece, law, on_its_way
 
@@ -265,15 +265,14 @@ def looked_at(
 
 @njit(cache=True, nogil=True)
 def follow_in_velocities(
-    faces, unknowns, h, normals, rows, places, masses, pattern, factor, borders, mass, z, status, w, mu, rho, d, least, most, turn, back,
+    faces, unknowns, h, normals, rows, places, masses, plan, fronts, mass, z, status, w, mu, rho, d, least, most, turn, back,
     least_rest, room, accuracy, period,
 ):  # fmt: skip
     """`Regularised.along` from z, status on (nc, 3), (nc,) for w (nc, 3): (how it ended, pieces, z, H r (n,), status), all new; in 2D
     (d = 2) the last of three numbers are zeros. r and z are those of the path where it arrives alone.
 
     faces, unknowns (nc, k), h (nc, k, 4): as of `speeds`; normals (nc, k): of h; rows (nc, d, k), places (nc, k, k): h and places of
-    `Bodies`; masses: M in the pattern (indptr, indices, mirror) of the bodies' matrix, whose fronts are in `factor`, with their
-    `transposed_borders`;
+    `Bodies`; masses: M in the pattern of the bodies' matrix, whose `planned` is `plan`, factored into `fronts` (see `Bodies.fronts`);
     mass: M by rows (starts, columns, values); least, most: see `on_its_way`; room: changes before the matrix is factored anew; accuracy:
     what J e may be left with; period: pieces after which it is looked at.
     Long because it is one piece from its elimination to the next.
@@ -286,8 +285,7 @@ def follow_in_velocities(
     e, V, b, p0 = np.zeros(n + 1), np.zeros(n + 1), np.zeros(n + 1), np.zeros(n + 1)
     push_all(unknowns, h, found, p0)
     buffers, looking = (np.empty(n), np.empty(n), np.zeros(n + 1)), (np.zeros(n + 1), own, np.empty(k))
-    order, first, starts, below, _, width, border, offsets, values, pivots = factor
-    fronts = order, first, starts, below, offsets, values, borders, pivots
+    _, first, starts, _, offsets, values, borders, pivots = fronts
     reached = np.zeros(max(least, most) + 1)
     while on_its_way(pieces, least, most, t, short, reached[pieces // 2]):
         pieces += 1
@@ -307,10 +305,9 @@ def follow_in_velocities(
             found, K = law(z, mu, rho, status)
             shares = masses.copy()
             add_shares_to_rows(shares, places, rows, K)
-            if not factorise(*pattern, shares.reshape(-1, 1, 1), *factor):
+            if not factorise_single(plan, first, starts, offsets, shares, values, borders, pivots):
                 return SINGULAR, pieces, z, V, status
-            transposed_borders(first, starts, offsets, values, borders)
-            count, way, look = 0, sign(width, border, offsets, values, pivots, 1), True
+            count, way, look = 0, sign_single(first, starts, offsets, values, pivots), True
             solution = np.inf
         if look:
             rest, since = 1.0 / max(1.0 - t, least_rest), 0

@@ -11,8 +11,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from fcsim.linear.block_factors._lu_kernels import factorise
-from fcsim.linear.block_factors._single_kernels import solve_single, transposed_borders
+from fcsim.linear.block_factors._single_factor_kernels import factorise_single
+from fcsim.linear.block_factors._single_kernels import solve_single
 from fcsim.solvers.newton.systems._velocity_kernels import add_shares_to_rows
 from fcsim.solvers.proximal._following_kernels import add_product, push_all, speeds
 from fcsim.solvers.proximal._path_kernels import law, statuses
@@ -22,37 +22,37 @@ FOUND, NOT_FOUND = 0, 1
 
 
 @njit(cache=True, nogil=True)
-def product(faces, unknowns, h, factor, of_mass, borders_of_mass, p):
+def product(faces, unknowns, h, fronts, of_mass, p):
     """W r (nc, 4) of p = H r (n,): the arguments as of `newton_on_pieces`."""
     n, u = len(p), np.empty((len(unknowns), 4))
     v, x, buffer = np.zeros(n + 1), np.empty(n), np.empty(n)
-    solve_single(factor[0], factor[1], factor[2], factor[3], factor[7], of_mass[0], borders_of_mass, of_mass[1], p, x, buffer, v)
+    order, begins, starts, below, offsets, _, _, _ = fronts
+    solve_single(order, begins, starts, below, offsets, *of_mass, p, x, buffer, v)
     speeds(faces, unknowns, h, v, np.empty(h.shape[1]), u)
     return u
 
 
 @njit(cache=True, nogil=True)
 def newton_on_pieces(
-    faces, unknowns, h, _, rows, places, masses, pattern, factor, borders, mass, of_mass, borders_of_mass, z, p, mu, rho, target, runaway,
-    most,
+    faces, unknowns, h, _, rows, places, masses, plan, fronts, mass, of_mass, z, p, mu, rho, target, runaway, most,
 ):  # fmt: skip
     """(how it ended, iterations, P(z) (nc, 3)) from z (nc, 3), p = H r (n,): until ||W (P(z) - r)|| is at most target.
 
-    faces to mass: as of `follow_in_velocities`; of_mass, borders_of_mass: M factored; runaway: growth of that at which it is given up;
-    most: iterations.
+    faces to mass: as of `follow_in_velocities`; of_mass: M factored, its last three of the fronts' arrays; runaway: growth of
+    that at which it is given up; most: iterations.
     """
     n = len(p)
     z, first, done = z.copy(), np.inf, 0
     b, dv, u, now = np.zeros(n + 1), np.zeros(n + 1), np.empty((len(z), 4)), np.zeros(n + 1)
     now[:n] = p
     x, buffer, own = np.empty(n), np.empty(n), np.empty(h.shape[1])
-    order, begins, starts, below, offsets, values, pivots = factor[0], factor[1], factor[2], factor[3], factor[7], factor[8], factor[9]
+    order, begins, starts, below, offsets, values, borders, pivots = fronts
     while True:
         found, K = law(z, mu, rho, statuses(z, mu))
         b[:] = 0.0
         push_all(unknowns, h, found, b)
         b -= now
-        solve_single(order, begins, starts, below, offsets, of_mass[0], borders_of_mass, of_mass[1], b, x, buffer, dv)
+        solve_single(order, begins, starts, below, offsets, *of_mass, b, x, buffer, dv)
         speeds(faces, unknowns, h, dv, own, u)
         rest = np.sqrt(np.sum(u**2))
         if rest <= target:
@@ -62,9 +62,8 @@ def newton_on_pieces(
             return NOT_FOUND, done, found
         shares = masses.copy()
         add_shares_to_rows(shares, places, rows, K)
-        if not factorise(*pattern, shares.reshape(-1, 1, 1), *factor):
+        if not factorise_single(plan, begins, starts, offsets, shares, values, borders, pivots):
             return NOT_FOUND, done, found
-        transposed_borders(begins, starts, offsets, values, borders)
         solve_single(order, begins, starts, below, offsets, values, borders, pivots, b, x, buffer, dv)
         speeds(faces, unknowns, h, dv, own, u)
         add_product(mass, dv, 1.0, now)

@@ -6,6 +6,8 @@ done as there, by `newton.iterations` with `newton.systems.velocity`: its twin i
 
 from __future__ import annotations
 
+import numpy as np
+
 from fcsim.arrays import FloatArray
 from fcsim.problem import LocalProblem
 from fcsim.solvers.base import Iterate, Monitor, Status
@@ -35,13 +37,14 @@ class NewtonInVelocities:
     def __init__(self, problem: LocalProblem, options: NewtonOptions) -> None:
         self._problem, self._options = problem, options
         self._bodies = bodies_of(problem.delassus)
-        self._arrays = self._bodies.arrays()
+        self._arrays, self._mu = self._bodies.arrays(), problem.mu[self._bodies.order]
 
     def __call__(self, shift: FloatArray, q: FloatArray, r: FloatArray, watch: Monitor, most: int) -> Iterate:
         operator, most = self._problem.delassus.shifted(shift), min(self._options.max_iterations, most)
-        first = RHO_RULES["adaptive"](operator.diagonal_blocks)
-        r, rho, own = r.copy(), first.copy(), self._bodies.own + operator.by_unknown
-        target = watch.tol * watch.scale
+        order, shape = self._bodies.order, (operator.nc, operator.dimension)
+        first = RHO_RULES["adaptive"](operator.diagonal_blocks)[order]
+        own = (self._bodies.own + operator.by_unknown).reshape(shape)[order].ravel()
+        rho, weights, target = first.copy(), watch.compliance[order], watch.tol * watch.scale
         while True:
             u = operator.affine(r, q)
             error = watch.record(r, u)
@@ -49,12 +52,20 @@ class NewtonInVelocities:
                 return Iterate(r, Status.SOLVED)
             if watch.iterations >= most:
                 return Iterate(r, Status.MAX_ITERATIONS)
+            moving, u = r.reshape(shape)[order].ravel(), u.reshape(shape)[order].ravel()
             count = min(RECOMPUTED, most - watch.iterations)
             ended, done, best, residual = newton_in_velocities(
-                *self._arrays, own, first, *adaptive_range(first), self._problem.mu, watch.compliance, r, u, rho, target, count
+                *self._arrays, own, first, *adaptive_range(first), self._mu, weights, moving, u, rho, target, count
             )
             watch.iterations += done
+            r = self._given(moving)
             if residual < watch.best * watch.scale:
-                watch.best, watch.best_r = residual / watch.scale, best
+                watch.best, watch.best_r = residual / watch.scale, self._given(best)
             if ended not in (ON_ITS_WAY, ARRIVED) or (ended == ARRIVED and not done):
                 return Iterate(r, STATUSES.get(ended, Status.STAGNATED))
+
+    def _given(self, r: FloatArray) -> FloatArray:
+        """r (m,) of contacts in the bodies' order, in the problem's."""
+        found = np.empty_like(r).reshape(len(self._mu), -1)
+        found[self._bodies.order] = r.reshape(found.shape)
+        return found.ravel()

@@ -83,7 +83,7 @@ class Regularised:
             return None
         least, p = target * (self.monitor.scale or 1.0), self.pieces.impulses(r) if r.ndim > 1 else r
         order = self.pieces.order
-        given = *self.pieces.arrays, *self.pieces.mass, in_space(z)[order], p
+        given = *self.pieces.arrays, self.pieces.mass, in_space(z)[order], p
         ended, count, found = newton_on_pieces(*given, self.mu[order], self.rho[order], least, RUNAWAY, most)
         self.monitor.iterations += count
         return self.pieces.ordered(found)[:, : z.shape[1]] if ended == FOUND else None

@@ -13,16 +13,16 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from fcsim.arrays import FloatArray, IntArray
-from fcsim.linear.block_factors._lu_kernels import factorise
-from fcsim.linear.block_factors._single_kernels import transposed_borders
+from fcsim.linear.block_factors._single_factor_kernels import factorise_single
+from fcsim.linear.block_factors.analysis import Plan
 from fcsim.linear.factors import DenseLU, SingularMatrix
 from fcsim.problem import Delassus
 from fcsim.solvers.newton.systems.choice import eliminated_in_velocities
-from fcsim.solvers.newton.systems.velocity import bodies_of
+from fcsim.solvers.newton.systems.velocity import bodies_of, faces_of
 from fcsim.solvers.proximal._inner_kernels import product
 
-Fronts = tuple[IntArray, FloatArray, IntArray, FloatArray, tuple[IntArray, ...], tuple[FloatArray | IntArray, ...]]
-"""unknowns, h, places, M in the pattern, the pattern, the fronts' arrays: as of `Bodies.fronts`."""
+Fronts = tuple[IntArray, FloatArray, IntArray, FloatArray, Plan, tuple[FloatArray | IntArray, ...]]
+"""unknowns, h, places, M in the pattern, its plan, the fronts' arrays: as of `Bodies.fronts`."""
 
 
 class Arrays(NamedTuple):
@@ -36,9 +36,8 @@ class Arrays(NamedTuple):
     rows: FloatArray
     places: IntArray
     masses: FloatArray
-    pattern: tuple[IntArray, ...]
-    factor: tuple[FloatArray | IntArray, ...]
-    borders: FloatArray
+    plan: Plan
+    fronts: tuple[FloatArray | IntArray, ...]
     mass: tuple[IntArray | FloatArray, ...]
 
 
@@ -90,11 +89,10 @@ class InVelocities:
         self._mass = sp.csr_array(operator.motion.M)
         self.mean_mass = float(self._mass.diagonal().mean())
 
-    @cached_property
+    @property
     def order(self) -> IntArray:
-        """The contacts (nc,), those between the same bodies one after the other, so that what they have in common is read once."""
-        first, last = self._bodies.unknowns[:, 0], self._bodies.unknowns.max(axis=1)
-        return np.lexsort((last, first))
+        """The contacts (nc,) as compiled paths have them: `Bodies.order`."""
+        return self._bodies.order
 
     def ordered[T: np.generic](self, values: NDArray[T]) -> NDArray[T]:
         """Values (nc, ...) of the contacts in `order`, in their own."""
@@ -106,26 +104,22 @@ class InVelocities:
     def arrays(self) -> Arrays:
         """What paths read that are followed in one compiled call, and where they put their factors: see `follow_in_velocities`."""
         mass = self._mass.indptr, self._mass.indices, self._mass.data
-        unknowns, rows, places, masses, pattern, factor = cast(Fronts, self._bodies.fronts(self._mass))
+        unknowns, rows, places, masses, plan, fronts = cast(Fronts, self._bodies.fronts(self._mass))
         unknowns, rows, places = unknowns[self.order], rows[self.order], places[self.order]
         touched = np.where(unknowns < 0, len(mass[0]) - 1, unknowns).astype(np.uint64)
-        another = np.any(unknowns[1:] != unknowns[:-1], axis=1)
-        faces = np.concatenate([[0], np.flatnonzero(another) + 1, [len(unknowns)]])
         h = np.zeros((len(rows), rows.shape[2], 4))
         h[:, :, : rows.shape[1]] = rows.transpose(0, 2, 1)
-        borders = np.empty(int(np.diff(factor[1]) @ np.diff(factor[2])))
-        return Arrays(faces, touched, h, h[:, :, 0].copy(), rows, places, masses, pattern, factor, borders, mass)
+        return Arrays(faces_of(unknowns), touched, h, h[:, :, 0].copy(), rows, places, masses, plan, fronts, mass)
 
     @cached_property
-    def mass(self) -> tuple[tuple[FloatArray, IntArray], FloatArray]:
-        """M factored for `newton_on_pieces`: the fronts' (values, pivots), and their `transposed_borders`."""
-        arrays, factor = self.arrays, self.arrays.factor
-        values, pivots = np.empty(len(factor[8])), np.empty(len(factor[9]), dtype=np.int64)
-        if not factorise(*arrays.pattern, arrays.masses.reshape(-1, 1, 1), *factor[:8], values, pivots):
+    def mass(self) -> tuple[FloatArray, FloatArray, IntArray]:
+        """M factored for `newton_on_pieces`: the last three of the fronts' arrays."""
+        arrays = self.arrays
+        _, first, starts, _, offsets, values, borders, pivots = arrays.fronts
+        own = np.empty(len(values)), np.empty(len(borders)), np.empty(len(pivots), dtype=np.int64)
+        if not factorise_single(arrays.plan, first, starts, offsets, arrays.masses, *own):
             raise SingularMatrix("the bodies' M is singular")
-        borders_of_mass = np.empty_like(arrays.borders)
-        transposed_borders(factor[1], factor[2], factor[7], values, borders_of_mass)
-        return (values, pivots), borders_of_mass
+        return own
 
     def impulses(self, r: FloatArray) -> FloatArray:
         """H r (n,) of r (nc, d)."""
@@ -172,9 +166,8 @@ class InVelocities:
 
     def product(self, r: FloatArray) -> FloatArray:
         arrays = self.arrays
-        d, (of_mass, borders) = self._shape[1], self.mass
-        found = product(arrays.faces, arrays.unknowns, arrays.h, arrays.factor, of_mass, borders, self.impulses(r))
-        return self.ordered(found)[:, :d]
+        found = product(arrays.faces, arrays.unknowns, arrays.h, arrays.fronts, self.mass, self.impulses(r))
+        return self.ordered(found)[:, : self._shape[1]]
 
 
 class InReactions:

@@ -11,6 +11,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 from fcsim.bench.families import problems
 from fcsim.errors import InputError
 from fcsim.linear import storage
+from fcsim.linear.block_factors._single_factor_kernels import factorise_single
+from fcsim.linear.block_factors._single_kernels import solve_single
 from fcsim.linear.factors import DenseLU
 from fcsim.problem import Delassus, LocalProblem, scaled_error
 from fcsim.problem.motion import Motion
@@ -234,11 +236,14 @@ def test_what_contacts_that_share_bodies_have_in_common_is_read_once(d: int) -> 
     r, K = rng.standard_normal((len(pairs), d)), rng.standard_normal((len(pairs), d, d))
     assert_allclose(system.product(r).ravel(), W @ r.ravel(), atol=1e-13)
     K[2] = 0.0  # open
-    pattern, order = system.arrays.pattern, system.order
-    values = system.arrays.masses.copy()
-    add_shares_to_rows(values, system.arrays.places, system.arrays.rows, K[order])
-    found = sp.csr_array((values, pattern[1], pattern[0]), shape=(n, n)).toarray()
-    assert_allclose(found, np.eye(n) + H @ sla.block_diag(*K) @ H.T, atol=1e-13)
+    arrays = system.arrays
+    values = arrays.masses.copy()
+    add_shares_to_rows(values, arrays.places, arrays.rows, K[system.order])
+    order, first, starts, below, offsets, *factor = arrays.fronts
+    assert factorise_single(arrays.plan, first, starts, offsets, values, *factor)
+    b, x = rng.standard_normal(n), np.empty(n)
+    solve_single(order, first, starts, below, offsets, *factor, b, np.empty(n), np.empty(n), x)
+    assert_allclose((np.eye(n) + H @ sla.block_diag(*K) @ H.T) @ x, b, atol=1e-12)
 
 
 def test_a_change_is_taken_apart_by_its_rank() -> None:

@@ -12,8 +12,10 @@ from fcsim.problem import GlobalProblem, LocalProblem, scaled_error
 from fcsim.problem.reduction import reduce
 from fcsim.solvers import Status, solve
 from fcsim.solvers.base import Monitor
+from fcsim.solvers.newton._formulation_kernels import disk_equations
 from fcsim.solvers.newton.options import NewtonOptions
 from fcsim.solvers.proximal import inner
+from fcsim.solvers.proximal._velocity_kernels import eliminated
 from fcsim.solvers.proximal.in_velocities import NewtonInVelocities, newton_here
 
 OPTIONS = NewtonOptions(formulation="AC", rho="adaptive", max_iterations=15)
@@ -84,3 +86,23 @@ def test_how_it_ends_without_an_answer() -> None:
 def test_other_options_are_left_to_the_general_way(options: dict[str, object]) -> None:
     chosen: dict[str, object] = {"formulation": "AC", "rho": "adaptive"} | options
     assert not newton_here(blocks("walls"), NewtonOptions(**chosen))  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("d", [2, 3])
+def test_contacts_own_equations_in_closed_form(d: int) -> None:
+    """K = C^-1 A, c = -C^-1 F of Alart and Curnier's F, C = A D + B: open, sticking, sliding, at the apex, without friction."""
+    rng, nc = np.random.default_rng(6), 400
+    r, u = rng.standard_normal((nc, d)), rng.standard_normal((nc, d))
+    mu, rho, shift = rng.choice([0.0, 0.3, 2.0], nc), rng.uniform(0.1, 3.0, (nc, d)), rng.uniform(0.01, 2.0, (nc, d))
+    rho[:, -1] = rho[:, 1]
+    r[:20], u[:20] = 0.0, 0.0
+    r[20:40, 1:], u[20:40, 1:] = 0.0, 0.0
+    K, c = np.full((nc, d, d), np.nan), np.full((nc, d), np.nan)
+    assert eliminated(u, r, mu, rho, shift, K, c) == -1
+    F, A, B = disk_equations(u, r, mu, rho, False)
+    C = A * shift[:, None, :] + B
+    assert len({tuple(row) for row in (np.abs(K) > 0).reshape(nc, -1)}) >= 3
+    assert_allclose(K, np.linalg.solve(C, A), rtol=0, atol=1e-11)
+    assert_allclose(c, -np.linalg.solve(C, F[:, :, None])[:, :, 0], rtol=0, atol=1e-11)
+    r[7, 0], u[7, 0], shift[7, 0] = 1.0, 0.0, 0.0
+    assert eliminated(u, r, mu, rho, shift, K, c) == 7

@@ -137,42 +137,43 @@ def _as_before(places, a):
 
 
 @njit(cache=True, fastmath={"contract"})
-def _add_share(h, a, Kh, shares):
-    """Add h_a^T Kh to shares (k, k)."""
-    _, d, k = h.shape
-    if d == 3:
-        for i in range(k):
-            f0, f1, f2, out = h[a, 0, i], h[a, 1, i], h[a, 2, i], shares[i]
-            for j in range(k):
-                out[j] += f0 * Kh[0, j] + f1 * Kh[1, j] + f2 * Kh[2, j]
-        return
-    for i in range(k):
-        f0, f1, out = h[a, 0, i], h[a, 1, i], shares[i]
-        for j in range(k):
-            out[j] += f0 * Kh[0, j] + f1 * Kh[1, j]
-
-
-@njit(cache=True)
 def add_shares_to_rows(values, places, h, K):
     """As `add_shares` to a sparse matrix whose `values` have these places (nc, k, k); contacts that are open (K = 0) are passed over.
     Contacts that follow one another and have the same unknowns are summed first."""
     nc, d, k = h.shape
-    Kh, shares, waiting = np.empty((d, k)), np.zeros((k, k)), -1
+    Kh, shares, waiting = np.empty((3, k)), np.zeros((k, k)), -1
     for a in range(nc + 1):
         if waiting >= 0 and (a == nc or not _as_before(places, a)):
-            count = 0
-            while count < k and places[waiting, count, 0] >= 0:
-                count += 1
-            for i in range(count):
-                own, to = shares[i], places[waiting, i]
-                for j in range(count):
-                    values[np.uint64(to[j])] += own[j]
+            for i in range(k):
+                if places[waiting, i, 0] < 0:
+                    break
+                for j in range(k):
+                    if places[waiting, i, j] < 0:
+                        break
+                    values[np.uint64(places[waiting, i, j])] += shares[i, j]
             shares[:] = 0.0
             waiting = -1
-        if a < nc and _closed(K, a):
-            _times(K, h, a, Kh)
-            _add_share(h, a, Kh, shares)
-            waiting = a
+        if a == nc or (K[a, 0, 0] == 0.0 and not _closed(K, a)):
+            continue
+        waiting = a
+        if d == 3:
+            for i in range(3):
+                f0, f1, f2 = K[a, i, 0], K[a, i, 1], K[a, i, 2]
+                for j in range(k):
+                    Kh[i, j] = f0 * h[a, 0, j] + f1 * h[a, 1, j] + f2 * h[a, 2, j]
+            for i in range(k):
+                f0, f1, f2 = h[a, 0, i], h[a, 1, i], h[a, 2, i]
+                for j in range(k):
+                    shares[i, j] += f0 * Kh[0, j] + f1 * Kh[1, j] + f2 * Kh[2, j]
+            continue
+        for i in range(2):
+            f0, f1 = K[a, i, 0], K[a, i, 1]
+            for j in range(k):
+                Kh[i, j] = f0 * h[a, 0, j] + f1 * h[a, 1, j]
+        for i in range(k):
+            f0, f1 = h[a, 0, i], h[a, 1, i]
+            for j in range(k):
+                shares[i, j] += f0 * Kh[0, j] + f1 * Kh[1, j]
 
 
 @njit(cache=True)

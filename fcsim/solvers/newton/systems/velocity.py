@@ -20,8 +20,7 @@ import scipy.sparse as sp
 
 from fcsim.arrays import FloatArray, IntArray
 from fcsim.linear import storage
-from fcsim.linear.block_factors._lu_kernels import taking_part
-from fcsim.linear.block_factors.analysis import Analysis, analysed
+from fcsim.linear.block_factors.analysis import Analysis, Plan, analysed
 from fcsim.linear.block_factors.lu import BlockLU
 from fcsim.linear.factors import DenseLU, SingularMatrix
 from fcsim.problem import Delassus
@@ -98,14 +97,19 @@ class Bodies:
         factor = BlockLU(self.analysis, values.reshape(-1, 1, 1))
         return factor.solve, factor.sign
 
+    @cached_property
+    def order(self) -> IntArray:
+        """The contacts (nc,), those between the same bodies one after the other, so that what they have in common is read once."""
+        return np.lexsort((self.unknowns.max(axis=1), self.unknowns[:, 0]))
+
     def arrays(self) -> tuple[object, ...]:
-        """What compiled iterations read, and where they put their factors: see `newton_in_velocities`."""
-        n, none = self.HT.shape[1], np.empty(0, dtype=np.int64)
+        """What compiled iterations read of the contacts in `order`, and where they put their factors: see `newton_in_velocities`."""
+        n, order, none = self.HT.shape[1], self.order, np.empty(0)
+        unknowns, h = self.unknowns[order], self.h[order]
+        of_contacts = faces_of(unknowns), unknowns, h, n
         if self.mass is not None:
-            mass, masses, places = self.mass, np.empty(0), np.empty((0, 0, 0), dtype=np.int64)
-            return self.unknowns, self.h, n, mass, places, masses, *(none,) * 11, masses, none
-        pattern, factor = _room(self.analysis)
-        return self.unknowns, self.h, n, np.empty((0, 0)), self.places, self.values, *pattern, *factor
+            return *of_contacts, self.mass, np.empty((0, 0, 0), dtype=np.int64), none, *NO_FRONTS
+        return *of_contacts, np.empty((0, 0)), self.places[order], self.values, *_room(self.analysis)
 
     def fronts(self, M: sp.csr_array) -> tuple[object, ...]:
         """What compiled paths read, whose matrix is always sparse: see `follow_in_velocities`; M (n, n)."""
@@ -116,13 +120,23 @@ class Bodies:
         return self.unknowns, self.h, where, values, *_room(analysis)
 
 
-def _room(analysis: Analysis) -> tuple[tuple[IntArray, ...], tuple[object, ...]]:
-    """The pattern (indptr, indices, mirror), and the fronts with room for their factors, as `BlockLU` has them."""
-    n = len(analysis.indptr) - 1
-    order, front, starts, rows, _ = analysis.fronts
-    number, width, border, offsets = taking_part(order, front, starts, rows, np.ones(n, dtype=bool), 1)
-    factor = order, front, starts, rows, number, width, border, offsets, np.empty(offsets[-1]), np.empty(n, dtype=np.int64)
-    return (analysis.indptr, analysis.indices, analysis.mirror), factor
+def faces_of(unknowns: IntArray) -> IntArray:
+    """Where contacts with the same unknowns (nc, k), which follow one another, begin, and nc."""
+    another = np.any(unknowns[1:] != unknowns[:-1], axis=1)
+    return np.concatenate([[0], np.flatnonzero(another) + 1, [len(unknowns)]])
+
+
+def _room(analysis: Analysis) -> tuple[Plan, tuple[IntArray | FloatArray, ...]]:
+    """What `factorise_single` and `solve_single` read, and where they put factors: (plan, (order, first, starts, rows, offsets, values,
+    borders, pivots))."""
+    order, first, starts, rows, offsets = analysis.fronts
+    room = np.empty(offsets[-1]), np.empty(int(np.diff(first) @ np.diff(starts))), np.empty(len(order), dtype=np.int64)
+    return analysis.plan, (order, first, starts, rows, offsets, *room)
+
+
+_NONE, _NOTHING = np.empty(0, dtype=np.int64), np.empty(0)
+NO_FRONTS = (_NONE, _NONE, _NONE, _NONE, _NONE, np.empty((0, 3), dtype=np.int64), 0), (*(_NONE,) * 5, _NOTHING, _NOTHING, _NONE)
+"""In their place where the bodies' matrix is eliminated dense."""
 
 
 def bodies_of(operator: Delassus) -> Bodies:

@@ -8,7 +8,8 @@ import scipy.sparse as sp
 from numpy.testing import assert_allclose
 
 from fcsim.linear.block_factors import _lu_kernels as kernels
-from fcsim.linear.block_factors._single_kernels import solve_single, transposed_borders
+from fcsim.linear.block_factors._single_factor_kernels import factorise_single, sign_single
+from fcsim.linear.block_factors._single_kernels import solve_single
 from fcsim.linear.block_factors.analysis import Analysis, analysed
 from fcsim.linear.block_factors.lu import BlockLU
 from fcsim.linear.factors import SingularMatrix
@@ -129,15 +130,16 @@ def test_solutions_of_single_unknowns_are_those_of_dense_algebra(name: str) -> N
     A = A * rng.choice([0.01, 1.0], len(A), p=[0.2, 0.8])[:, None]  # so that rows are exchanged in fronts of several columns
     rows, n = complete_rows(sp.csr_array(A), 1), len(A)
     analysis = Analysis(rows)
-    order, front, starts, below, _ = analysis.fronts
-    number, width, border, offsets = kernels.taking_part(order, front, starts, below, np.ones(n, dtype=bool), 1)
-    factor = order, front, starts, below, number, width, border, offsets, np.empty(offsets[-1]), np.empty(n, dtype=np.int64)
-    assert kernels.factorise(analysis.indptr, analysis.indices, analysis.mirror, rows.data, *factor)
-    borders = np.empty(int(np.diff(front) @ np.diff(starts)))
-    transposed_borders(front, starts, offsets, factor[8], borders)
+    order, first, starts, below, offsets = analysis.fronts
+    values, borders, pivots = np.empty(offsets[-1]), np.empty(int(np.diff(first) @ np.diff(starts))), np.empty(n, dtype=np.int64)
+    given = analysis.plan, first, starts, offsets
+    assert factorise_single(*given, rows.data.ravel(), values, borders, pivots)
+    assert sign_single(first, starts, offsets, values, pivots) == np.linalg.slogdet(A)[0]
     few = np.zeros(n)
     few[rng.integers(n)] = 1.0
     for b in (rng.standard_normal(n), few):
         x = np.full(n, np.nan)
-        solve_single(order, front, starts, below, offsets, factor[8], borders, factor[9], b, np.empty(n), np.empty(n), x)
+        solve_single(order, first, starts, below, offsets, values, borders, pivots, b, np.empty(n), np.empty(n), x)
         assert_allclose(A @ x, b, rtol=0, atol=1e-11)
+    for nothing in (0.0, np.nan):
+        assert not factorise_single(*given, nothing * rows.data.ravel(), values, borders, pivots)
