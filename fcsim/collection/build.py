@@ -95,9 +95,8 @@ def build_collection(
     with whole_folder(out, overwrite) as folder:
         made = folder / "run"
         if not is_run:
-            options = RunOptions(
-                export_every=every, export_iterations=iterations, vtk_every=1 << 60, checkpoint_every=0
-            )  # VTK files of the last step only
+            # VTK files of the last step only
+            options = RunOptions(export_every=every, export_iterations=iterations, vtk_every=1 << 60, checkpoint_every=0)
             if run_case(load_case(case_place(source)), assignments or {}, made, options, watch=watch).status == "interrupted":
                 raise KeyboardInterrupt
             if not any(made.rglob("*.hdf5")):

@@ -385,3 +385,14 @@ def test_what_the_system_refuses_is_said_in_words(monkeypatch: pytest.MonkeyPatc
         assert main(["new", "mine"]) == 2
         error = capsys.readouterr().err
         assert said in error and "Errno" not in error
+
+
+def test_a_full_disk_is_told_of_by_the_file_that_was_to_be_written(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture) -> None:
+    """Of a copy the file that was read was named."""
+
+    def full(options: object) -> int:
+        raise OSError(errno.ENOSPC, "No space left on device", "read.hdf5", None, "written.hdf5")
+
+    monkeypatch.setattr("fcsim.command_line.info._info", full)
+    assert main(["info", "read.hdf5"]) == 2
+    assert capsys.readouterr().err == "fcsim: written.hdf5: No space left on device\n"

@@ -1,5 +1,6 @@
 """Whatever is wrong with a file ends in one InputError that names the file and the place; what real files do is accepted."""
 
+import os
 import re
 
 import h5py
@@ -143,6 +144,9 @@ def test_what_is_no_hdf5_file_is_refused(tmp_path):
             read_fclib(tmp_path / f"{name}.hdf5")
     with pytest.raises(InputError, match="found a folder"):
         read_fclib(tmp_path)
+    os.mkfifo(tmp_path / "pipe")
+    with pytest.raises(InputError, match="found a pipe or a device"):  # "no such file" was said of it
+        read_fclib(tmp_path / "pipe")
 
 
 def test_a_file_cut_anywhere_is_refused(path, tmp_path):
