@@ -16,6 +16,8 @@ POINTS = 3.0
 """Contacts a pair of bodies from which they may be faces, which three points span: 4 and more in blocks, 1.6 to 2.3 in beds."""
 POINTS_2D = 1.5
 """Those in the plane, where an edge is spanned by two, and discs touch in one."""
+SINGLE = 1.5
+"""Contacts a pair of bodies up to which they touch in single points, counted by W's rows: 1.0 to 1.2 of spheres, 2.1 to 2.3 of rocks."""
 NEARLY = 0.9
 """Velocities held, over those that there are, from which a bed is nearly held: 0.96 to 1.2 in beds with friction up to 5, 0.8 in beds of
 rocks, 0.45 to 0.85 of spheres of unlike masses."""
@@ -37,6 +39,22 @@ def points_a_pair(race: Race) -> float:
             pairs = np.minimum.reduceat(columns, begins) * np.int64(motion.HT.shape[1]) + np.maximum.reduceat(columns, begins)
             race.points = race.problem.nc / len(np.unique(pairs))
     return race.points
+
+
+def in_single_points(race: Race) -> bool:
+    """Whether most pairs of bodies touch in one point, as spheres do, told by W alone, in sparse blocks, once: contacts of one pair are
+    coupled with the same contacts, so that their rows have one pattern."""
+    if race.single is None:
+        W, d = race.problem.W, race.problem.dimension
+        blocks = isinstance(W, sp.bsr_array) and W.blocksize == (d, d) and bool(np.all(np.diff(W.indptr) > 0))
+        race.single = blocks and race.problem.nc <= SINGLE * _row_patterns(W)
+    return race.single
+
+
+def _row_patterns(W: sp.bsr_array) -> int:
+    """Patterns of W's rows of blocks, none empty: each is told by the sum of numbers drawn for its columns."""
+    drawn = np.random.default_rng(0).integers(2**62, size=len(W.indptr) - 1)
+    return len(np.unique(np.add.reduceat(drawn[W.indices], W.indptr[:-1])))
 
 
 def closed(race: Race) -> int:

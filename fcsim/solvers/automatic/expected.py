@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from fcsim.solvers.automatic.closed import closed, edges, faces, held_as_blocks, kept
+from fcsim.solvers.automatic.closed import closed, edges, faces, held_as_blocks, in_single_points, kept
 from fcsim.solvers.automatic.race import Race, Runner
 
 FAR = 1e-3
@@ -89,7 +89,7 @@ def sweeps_lead_on(race: Race) -> bool:
     they find out which contacts hold at a fraction of its price."""
     if race.warm or race.joints is not None or held_as_blocks(race) or "sweeps" not in race.runners:
         return False
-    in_w = LED_IN_W if race.problem.dimension == 2 or race.problem.delassus.motion is not None else 0
+    in_w = LED_IN_W if race.problem.dimension == 2 or in_single_points(race) else 0
     led = LED if race.prices.in_velocities else in_w
     return race.runners["sweeps"].spent < led * race.prices.running(closed(race))
 

@@ -214,8 +214,8 @@ def _fall(course: Sequence[tuple[float, float]], share: float) -> float:
 
 @dataclass(eq=False)
 class Race:
-    """What the stages' conditions look at. problem: with W as `storage` fits it; swept: the storage that sweeps read; points: see
-    `closed.points_a_pair`."""
+    """What the stages' conditions look at. problem: with W as `storage` fits it; swept: the storage that sweeps read; points, single:
+    see `closed.points_a_pair`, `closed.in_single_points`."""
 
     problem: LocalProblem
     swept: LocalProblem
@@ -227,6 +227,7 @@ class Race:
     start: FloatArray
     runners: dict[str, Runner] = field(default_factory=dict)
     points: float | None = None
+    single: bool | None = None
 
     @property
     def best(self) -> float:

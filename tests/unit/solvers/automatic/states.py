@@ -76,7 +76,7 @@ class State:
     regular: bool = False
     keeps: bool = False
     shares: object = None
-    motion: object = None
+    single: bool | None = None
     runners: dict[str, Shown] = field(default_factory=dict)
 
     @property
@@ -86,7 +86,7 @@ class State:
     @property
     def problem(self) -> Any:
         W = sp.csr_array(np.eye(1)) if self.sparse else np.eye(1)
-        delassus = SimpleNamespace(shares=self.shares, motion=self.motion, size=self.nc * self.dimension)
+        delassus = SimpleNamespace(shares=self.shares, size=self.nc * self.dimension)
         return SimpleNamespace(nc=self.nc, dimension=self.dimension, m=self.nc * self.dimension, W=W, delassus=delassus)
 
     @property

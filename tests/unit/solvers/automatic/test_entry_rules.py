@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from fcsim.bench.families import problems
+from fcsim.problem import GlobalProblem
 from fcsim.problem.reduction import reduce
 from fcsim.solvers.automatic import closed, expected, later, stages
 from tests.unit.solvers.automatic.states import AFAR, EDGES_HELD, ENDED, FACES_HELD, INF, LOOSE, NEAR, STILL, Shown, newton, state
@@ -277,6 +278,14 @@ def test_points_a_pair_of_blocks_are_the_corners_of_their_faces(family: str, poi
     problem = reduce(problems(family, 300, 7)).local  # type: ignore[arg-type]
     race: Any = SimpleNamespace(problem=problem, points=None)
     assert closed.points_a_pair(race) == race.points == pytest.approx(points, rel=0.02)
+
+
+@pytest.mark.parametrize(("family", "single"), [("spheres", True), ("disks", True), ("noise", False)])
+def test_grains_touch_in_single_points_where_each_contact_has_a_pattern_of_its_own(family: str, single: bool) -> None:
+    problem = problems(family, 300, 7)  # noise: rocks, with two to three contacts a pair
+    local = (reduce(problem).local if isinstance(problem, GlobalProblem) else problem).stored()  # type: ignore[union-attr]
+    race: Any = SimpleNamespace(problem=local, single=None)
+    assert closed.in_single_points(race) is race.single is single
 
 
 def test_what_sweeps_still_cost() -> None:

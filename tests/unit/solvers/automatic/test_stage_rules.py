@@ -292,8 +292,8 @@ def test_sweeps_enter(changes: dict[str, Any], over: tuple[str, ...], enters: bo
         ({"in_velocities": False, "dimension": 2}, True, sweeping(600.1, spent=600.0), True),  # of discs what 60 iterations cost
         ({"in_velocities": False, "dimension": 2}, True, sweeping(600.1, spent=599.0), False),
         ({"in_velocities": False, "dimension": 2, "warm": True}, True, sweeping(600.1, spent=599.0), True),
-        ({"in_velocities": False, "motion": object()}, True, sweeping(600.1, spent=600.0), True),  # and of spheres
-        ({"in_velocities": False, "motion": object()}, True, sweeping(600.1, spent=599.0), False),
+        ({"in_velocities": False, "single": True}, True, sweeping(600.1, spent=600.0), True),  # and of spheres
+        ({"in_velocities": False, "single": True}, True, sweeping(600.1, spent=599.0), False),
         ({"dimension": 2}, True, sweeping(600.1, spent=400.0), True),  # in the bodies' velocities as grains in 3D
         ({"dimension": 2}, True, sweeping(600.1, spent=399.0), False),
         ({"regular": True}, True, sweeping(600.1, spent=40.0), True),
