@@ -32,7 +32,7 @@ from fcsim.ranks.neighbours import gone, on_this_machine, stopped, this_process
 AWAKE, SOON = 5e-4, 1e-2
 BRIEF, NAP = 2e-5, 2e-4
 """[s] A rank that waits looks again and again for so long, then, until SOON, after brief naps, and after that after longer ones. What has
-come is heard of 0.09 ms later by the former (a system adds half a tenth to each), 0.25 by the latter."""
+come is heard of 0.09 ms later by the former (a system adds 0.05 ms to each), 0.25 by the latter."""
 GRACE = 2.0
 """[s] What others have sent before they ended arrives within it."""
 LAST_WAIT = 20.0
