@@ -59,7 +59,7 @@ def _columns_between(A: sp.csc_array, first: int, last: int) -> IntArray:
     all columns takes as long as a product with these."""
     indptr, number = A.indptr, id(A.indptr)
     known = _between.get(number)
-    if known is not None and known[0]() is indptr and has_pattern(A, indptr, known[1]) and known[2] == (first, last):
+    if known is not None and known[0]() is indptr and has_pattern(A, A.indptr, known[1]) and known[2] == (first, last):
         return known[3]
     found: IntArray = kernels.columns_between(indptr, A.indices, first, last)
     _between[number] = weakref.ref(indptr, lambda _: _between.pop(number, None)), A.indices, (first, last), found
