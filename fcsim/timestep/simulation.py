@@ -145,8 +145,7 @@ class Simulation:
         return DeformationMeasure(self.model.groups, len(self.model.deformable), min(NAMED_STRAIN, self.limits.strain))
 
     @cached_property
-    def _extent(self) -> float:
-        """Size of the model [m] along the axes: up to sqrt(d) times as large where it is turned, which tolerances alone are relative to."""
+    def _extent(self) -> float:  # size [m] along the axes, turned up to sqrt(d) times as large: tolerances alone are relative to it
         return float(np.ptp(self.model.reference, axis=0).max())
 
     @cached_property
@@ -213,8 +212,9 @@ class Simulation:
             part = self._part(moment, cuts, kept, anchor or after, clock, attempts)
             if part is None:
                 if cuts == self.cuttings or given_up(attempts):
-                    times = after.state.t, after.state.t + self.scheme.h, moment.state.t
-                    why = tuple(doubts(self.model, self.scheme, self.linkage, times, attempts, moment.state))
+                    t, h = after.state.t, self.scheme.h
+                    times, until = (t, t + h, moment.state.t), t + (self.steps - after.number) * h
+                    why = tuple(doubts(self.model, self.scheme, self.linkage, times, attempts, moment.state, until))
                     why += self._opening(after.state) if moment.number == 1 else ()
                     raise not_converged(self.solver, moment.number, times, cuts, attempts, why)
                 cuts += 1

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from fcsim.arrays import FloatArray
 from fcsim.assembly.floating import floating, nodal_stiffness, proposed_eta, stretching_quotient
 from fcsim.assembly.model import Model
 from fcsim.assembly.shares.group_factor import FAINT
@@ -26,6 +27,10 @@ TENFOLD = 10.0  # of the eta of linear bodies: problems within Newton's method o
 PRESSED = (2e-3, 6e-3, 2e-2, 6e-2, 0.2, 0.6)
 """Of a body's `stretching_quotient`, in turn: eta / h^2 that bears what loads of about a percent of its shear modulus do to a body that
 turns, and more. A billet at its yield stress, 1e-3 E, needs 1e-3; ten times as much bears a tenth of the forces while plates move on."""
+OF_STRAIN = 1.5
+"""Times the strain that supports give a body: the share of its `stretching_quotient` that bears it. Blocks of rubber in plane strain
+between plates that come together by 0.5 to 30 % of their height need 0.7 to 2, in the mean."""
+_LOOKS = 16  # at what supports do until the end of a run
 ROUNDED = 1.6  # an eta is named by one digit
 
 
@@ -36,12 +41,14 @@ def doubts(
     times: tuple[float, float, float] = (0.0, 0.0, 0.0),
     attempts: Sequence[Attempt] = (),
     state: State | None = None,
+    until: float | None = None,
 ) -> Iterator[str]:
     """Of statics: plastic bodies under loads that may be beyond their limit load; with eta > 0 bodies whose mass is too faint to keep them
     where they are until contact does.
 
     linked: links, None or False = none, which may hold it; times [s]: beginning and end of the step and the beginning of its
-    last part; attempts: what was tried, none = nothing is said of plastic bodies; state: the last that was reached, which says what yields.
+    last part; attempts: what was tried, none = nothing is said of plastic bodies; state: the last that was reached, which says what yields;
+    until [s]: the end of the run, None = that of the step.
     """
     if isinstance(scheme, QuasiStatic) and attempts and attempts[-1].solver == "Newton":
         yield from _limit_load(model, times, state)
@@ -58,19 +65,41 @@ def doubts(
         )
     yield from _faint_beside(model, scheme, near)
     soft = {number for group in model.groups if group.finite for number in group.members.tolist()}
-    yield from _unstable(model, scheme, [number for _, number in loose if number in soft])
+    yield from _unstable(model, scheme, [number for _, number in loose if number in soft], times[1] if until is None else until)
 
 
-def _unstable(model: Model, scheme: QuasiStatic, numbers: Sequence[int]) -> Iterator[str]:
-    """Of bodies of finite strain that only contact holds: the next larger mass that may bear what makes them unstable."""
+def _unstable(model: Model, scheme: QuasiStatic, numbers: Sequence[int], until: float) -> Iterator[str]:
+    """Of bodies of finite strain that only contact holds: the mass that may bear what makes them unstable until the end of the run; who has
+    that already is told the next larger one."""
     least, number = max(((stretching_quotient(model, number) or 0.0, number) for number in numbers), default=(0.0, -1))
     larger = [eta for share in PRESSED if (eta := share * scheme.h**2 * least) > ROUNDED * scheme.eta]
+    if larger and not _is_plastic(model.deformable[number].part.material):  # which its yield stress presses at most
+        strain = _driven_strain(model, number, until)
+        enough = [eta for eta in larger if eta >= OF_STRAIN * strain * scheme.h**2 * least]
+        larger = enough or larger[-1:]
     if larger:
         yield (
             f"where body {model.bodies[number].name!r}, which only contact holds, has lost its stiffness: loads that press it make it "
             f"unstable, and its mass has to bear that until contact does: try eta = {larger[0]:.0e} and steps in which loads stand; "
             "what is too large is said with the share of the forces that it carries"
         )
+
+
+def _driven_strain(model: Model, number: int, until: float) -> float:
+    """The most by which supports bring the model's bodies together or apart from t = 0 to `until` [s], over the body's length there."""
+    d, largest, moved, h = model.dimension, 0.0, np.zeros(len(model.driven_dofs)), until / _LOOKS
+    length = np.ptp(model.bodies[number].points, axis=0)
+    known = _along_axes(model, model.of_driven(np.ones(len(model.driven_dofs))))
+    for k in range(_LOOKS):
+        moved = moved + model.held.increment(k * h, h)
+        now = _along_axes(model, model.of_driven(moved))
+        largest = max([largest, *(float(np.ptp(now[known[:, i] != 0, i]) / length[i]) for i in range(d) if known[:, i].any())])
+    return largest
+
+
+def _along_axes(model: Model, x: FloatArray) -> FloatArray:
+    """What x (n_dofs,) has of nodes and of centres of rigid bodies (n, d)."""
+    return np.concatenate([x[: model.n_elastic].reshape(-1, model.dimension), model.rigid_part(x)[:, : model.dimension]])
 
 
 def _faint_beside(model: Model, scheme: QuasiStatic, near: bool) -> Iterator[str]:

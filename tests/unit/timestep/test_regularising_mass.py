@@ -11,9 +11,12 @@ from fcsim import Body, Everything, ExactContacts, Material, QuasiStatic, RigidB
 from fcsim.assembly.model import Model
 from fcsim.errors import NotConverged
 from fcsim.mesh import brick, rectangle, rigid_rectangle, rigid_sphere, with_surface
+from fcsim.mesh.material import neo_hooke
+from fcsim.mesh.material.by_region import AnyMaterial
 from fcsim.mesh.material.plastic import FinitePlastic
 from fcsim.timestep.regularisation.doubts import doubts
 
+STEEL = FinitePlastic(2e11, 0.3, 7800.0, 2e8)
 SOFT = Material(E=1e6, nu=0.0, density=1000.0)
 
 
@@ -114,12 +117,11 @@ def test_a_strip_between_jaws_that_the_mass_holds_up_is_named_by_what_it_lacks()
         assert float(share[1]) < most
 
 
-def billet(cells: tuple[int, int]) -> tuple[Model, Support]:
+def billet(cells: tuple[int, int], law: AnyMaterial = STEEL, pace: float = 4e-4) -> tuple[Model, Support]:
     """Of plastic steel, 0.1 x 0.15 m, in plane strain, that only two plates hold, of which one comes down."""
-    law = FinitePlastic(2e11, 0.3, 7800.0, 2e8)
     block = Body("billet", rectangle("billet", (0.1, 0.15), cells, law, elements="Q1-bbar", origin=(-0.05, 0.0)))
     plates = [rigid_rectangle("floor", (0.4, 0.1), (0.0, -0.05), 1.0), rigid_rectangle("plate", (0.4, 0.1), (0.0, 0.2), 1.0)]
-    down = Support("plate", ("y",), displacement=lambda t: -4e-4 * t)
+    down = Support("plate", ("y",), displacement=lambda t: -pace * t)
     supports = [Support("floor", ("x", "y", "rz")), down, Support("plate", ("x", "rz"))]
     return build_model([block, *plates], supports=supports), down
 
@@ -140,3 +142,16 @@ def test_the_mass_that_is_advised_for_a_plastic_billet_does_not_carry_it() -> No
     force, limit = -step.support_force(down)[1], 2 / np.sqrt(3) * 2e8 * 0.1
     assert limit < force < 1.06 * limit
     assert_allclose(step.contact_force_on(1)[1], -force, rtol=0.02)
+
+
+def test_the_mass_that_is_advised_first_for_rubber_is_enough_for_the_whole_run() -> None:
+    """Pressed by a tenth of its height: the mass that bears less, a percent's, would be advised anew five times."""
+    model, _ = billet((2, 3), neo_hooke(1e6, 0.3, 1000.0), 7.5e-3)
+
+    def run(eta: float) -> Step:
+        return list(Simulation(model, Everything(model, mu=0.3), QuasiStatic(1.0, eta=eta), 2, cuttings=0, witness=None))[-1]
+
+    with pytest.raises(NotConverged, match="has lost its stiffness") as told:
+        run(1.0)
+    step = run(float(re.search(r"try eta = ([0-9.e+]+) and steps", str(told.value))[1]))  # type: ignore[index]
+    assert step.number == 2

@@ -17,6 +17,7 @@ from fcsim.timestep.remarks.coarse import looked_at
 from fcsim.timestep.step import Step
 from fcsim.timestep.step_equation.look_ahead.lengths import BORNE, places
 
+_INTEGRAL = ("mortar", "mortar-faces", "segments")
 NAMED = 0.05
 """Of how far the bodies are deformed: gaps that are wrong by more are named."""
 
@@ -61,13 +62,31 @@ class Chords:
             error = float(wrong[between].mean())
             if error > max(NAMED * motion, float(least[pair].min())):
                 one, other = (model.bodies[int(k)].name for k in pair)
+                mend = (
+                    "facets at less than 23 degrees to each other, or cells of second order that follow the curves"
+                    if _too_coarse(self._detection, detection)
+                    else 'normals="smooth" or candidates="mortar" of their pair, smooth=True of Everything, or facets at less than '
+                    "23 degrees to each other"
+                )
                 return {
                     "chords": f"{when}: {one!r} and {other!r} fit each other along curved surfaces, and where they bear their facets are "
                     f"chords that put the gaps wrong by {error:.2g} m, beside {motion:.2g} m by which contact deforms them: where and how "
-                    'hard they bear is that of the chords. What helps: normals="smooth" or candidates="mortar" of their pair, smooth=True '
-                    "of Everything, or facets at less than 23 degrees to each other (docs/contact_rules.md)"
+                    f"hard they bear is that of the chords. What helps: {mend} (docs/contact_rules.md)"
                 }
         return {}
+
+
+def _too_coarse(own: Detection, smooth: Detection) -> bool:
+    """Whether smooth surfaces would be of no use: they are asked for, or facets that meet at more than 23 degrees are chords of none."""
+    if isinstance(own, Everything):
+        return own.smooth
+    if not isinstance(own, Detector) or not isinstance(smooth, Detector):
+        return False
+    asked = all(pair.normals == "smooth" or pair.candidates in _INTEGRAL for pair in own.pairs)
+    surfaces = [
+        (one, other) for a, b in zip(own.pairs, smooth.pairs, strict=True) for one, other in ((a.slave, b.slave), (a.master, b.master))
+    ]
+    return asked or any(one.bulge is None and other.bulge is not None for one, other in surfaces)
 
 
 def _between(contacts: Contacts, pairs: IntArray) -> BoolArray:
@@ -115,5 +134,5 @@ def _smooth_pair(model: Model, pair: SurfacePair) -> SurfacePair:
     def of(surface: ContactSurface) -> ContactSurface:
         return replace(surface, bulge=bulges_of_all_chords(model, surface))
 
-    integral = pair.candidates in ("mortar", "mortar-faces", "segments")
+    integral = pair.candidates in _INTEGRAL
     return replace(pair, slave=of(pair.slave), master=of(pair.master), normals="facet" if integral else "smooth")
