@@ -6,22 +6,17 @@ the second waits for what the first puts into the cache.
 
 from __future__ import annotations
 
-import fcntl
 import gc
-import os
 import signal
 from collections import Counter, defaultdict
 from collections.abc import Generator, Hashable, Mapping, Sequence
-from contextlib import suppress
-from functools import cache
-from pathlib import Path
 from typing import Any
-from zlib import crc32
 
 import hypothesis
 import pytest
 
 import fcsim  # noqa: F401
+from tests.compiling import LOCKS, compile_once, refuse_shapes_in_few_words
 
 hypothesis.settings.register_profile("no clock", deadline=None)  # what is compiled first would be late
 hypothesis.settings.load_profile("no clock")
@@ -29,7 +24,6 @@ hypothesis.settings.load_profile("no clock")
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # a background shell's jobs, and theirs, would never hear Ctrl-C
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
-ROOT = Path(__file__).parents[1]
 SOLVING = ("tests/conformance/", *(f"tests/unit/{room}/" for room in ("bench", "collection", "linear", "problem", "solvers")))
 """What compiles the kernels of solvers; all else begins with those of bodies and contacts."""
 
@@ -118,55 +112,4 @@ def pytest_configure(config: pytest.Config) -> None:
     if hasattr(config, "workerinput") or not config.getoption("numprocesses", None):  # not what only hands tests to workers
         refuse_shapes_in_few_words()
     if hasattr(config, "workerinput"):
-        compile_once(ROOT / ".pytest_cache")
-
-
-def refuse_shapes_in_few_words() -> None:
-    """A compiled `a[i] = b` whose shapes differ raises ValueError with numba's short message, the one that it has for other targets. The
-    long one, which names the shapes, brings all of numba's texts into each such function, and into those that call it: two seconds in
-    each process that compiles, and then half of a small function's time."""
-    from numba.core.extending import overload
-    from numba.np import arrayobj
-
-    def refused(given: Any, expected: Any) -> None:
-        raise NotImplementedError
-
-    @overload(refused)
-    def refusal(given: Any, expected: Any) -> Any:
-        def refuse(given: Any, expected: Any) -> None:
-            raise ValueError("cannot assign slice from input of different size")
-
-        return refuse
-
-    arrayobj.raise_with_shape_context = refused
-
-
-def compile_once(folder: Path) -> None:
-    """Have numba load or compile a function under a lock by its name: who waited finds it in the cache.
-
-    A function's lock is held while those that it calls are compiled: locks are taken along calls, which make no circles. They are the
-    process's: forked children do not have them.
-    """
-    from numba.core.caching import FunctionCache
-    from numba.core.dispatcher import Dispatcher
-
-    @cache
-    def file() -> int:
-        folder.mkdir(exist_ok=True)
-        return os.open(folder / "compiling.lock", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
-
-    now = Dispatcher.compile
-
-    def alone(self: Any, signature: Any) -> Any:
-        if not isinstance(self._cache, FunctionCache) or signature in self.overloads:
-            return now(self, signature)
-        place = crc32(f"{self.py_func.__module__}.{self.py_func.__qualname__}".encode())
-        with suppress(OSError):  # a folder that cannot be written; or the system sees a circle, through threads or two names of one place
-            fcntl.lockf(file(), fcntl.LOCK_EX, 1, place)
-        try:
-            return now(self, signature)
-        finally:
-            with suppress(OSError):
-                fcntl.lockf(file(), fcntl.LOCK_UN, 1, place)
-
-    Dispatcher.compile = alone
+        compile_once(LOCKS)

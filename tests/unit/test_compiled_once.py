@@ -1,5 +1,5 @@
 """Of two workers that need one function at the same time, one compiles it and the functions that it calls; and what slices of other
-shapes are refused by is compiled quickly (tests/conftest.py)."""
+shapes are refused by is compiled quickly (tests/compiling.py)."""
 
 import os
 import sys
@@ -14,7 +14,7 @@ import pytest
 from numba.core import event
 from numba.core.dispatcher import Dispatcher
 
-from tests.conftest import compile_once
+from tests.compiling import compile_once
 
 KERNELS = """
 import numba
