@@ -76,7 +76,10 @@ def planned(indptr, indices, mirror, order, first, starts, rows):
 @njit(cache=True, nogil=True, fastmath={"contract"})
 def eliminate_own(own, below, rest, pivots):
     """LU in place of a front whose own rows are own (n1, n1 + n2), whose columns below these are below (n1, n2), and rest (n2, n2) less
-    their products; False: singular. Own row k is exchanged with row pivots[k] >= k."""
+    their products; False: singular. Own row k is exchanged with row pivots[k] >= k.
+
+    Long because it has its loops written out, for two and four rows at a time: these are loaded and stored less often.
+    """
     n1, n2 = below.shape
     n = n1 + n2
     for k in range(n1):
