@@ -32,6 +32,8 @@ FIRST, RUNAWAY = 1e-6, 1e-3
 """Shares of the structure's extent that blocks move by."""
 _STEPS, _RESTING = 120, 12
 """Steps of a trial; so many in a row without motion end it: rigid blocks that rest under a held load meet the same problem again."""
+_SHORTEST, _LONGEST, _LARGE = 0.2, 5.0, 10.0
+"""Bounds [s] of a trial's duration, the upper one of structures up to an extent [m]."""
 _SLOW = 1e-3
 """Share of the speed of a runaway below which blocks rest: an excess of the load by the resolution gives them 200 times that by then."""
 _SOFT_REST = 1e-2
@@ -241,13 +243,14 @@ def bracket(
             raise InputError(f"{name}: expected a multiplier to begin with, a finite number, got {shown(value)}")
     known: dict[float, Trial] = {}
     limit = limit_problem(problem, tolerance=tolerance)
+    longest = _LONGEST * float(np.sqrt(max(problem.size / _LARGE, 1.0)))  # what is four times as large falls in twice the time
     pull, upper = _acceleration(problem, limit), associative_limit(limit)
 
     def at(multiplier: float) -> Trial:
         if multiplier not in known:
             # an excess of the resolution, at a tenth of the acceleration that it would give all blocks, runs away in that time
             excess = 0.1 * resolution * multiplier * pull
-            duration = float(np.clip(np.sqrt(2 * RUNAWAY * problem.size / max(excess, 1e-300)), 0.2, 5.0))
+            duration = float(np.clip(np.sqrt(2 * RUNAWAY * problem.size / max(excess, 1e-300)), _SHORTEST, longest))
             # above the associative limit no state of rest exists that errors of the solver might spoil
             sure = blocks == "rigid" and upper.outcome == "limit" and multiplier > (1 + _MOVING_TOLERANCE) * upper.multiplier
             tolerance = _MOVING_TOLERANCE if sure else None

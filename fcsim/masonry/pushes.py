@@ -26,7 +26,7 @@ def tilted(problem: MasonryProblem, direction: tuple[float, float, float]) -> Ma
 
     In the axes of the table all loads turn by the angle a about its axis, those down (-z) towards the horizontal `direction`: cos a D +
     sin a D', which is in equilibrium iff D + tan a D' is, since forces without tension or cohesion scale. Moments turn as forces do. Loads
-    that grow already are left out. InputError for loads along the axis, which stay as they are: no multiplier is their share beside the others.
+    that grow already are left out. InputError for loads along the axis, which stay as they are and are no multiple of the others.
     """
     along = unit(problem, direction)
     if abs(along[2]) > 1e-9:
