@@ -243,14 +243,12 @@ def bracket(
             raise InputError(f"{name}: expected a multiplier to begin with, a finite number, got {shown(value)}")
     known: dict[float, Trial] = {}
     limit = limit_problem(problem, tolerance=tolerance)
-    longest = _LONGEST * float(np.sqrt(max(problem.size / _LARGE, 1.0)))  # what is four times as large falls in twice the time
     pull, upper = _acceleration(problem, limit), associative_limit(limit)
 
     def at(multiplier: float) -> Trial:
         if multiplier not in known:
             # an excess of the resolution, at a tenth of the acceleration that it would give all blocks, runs away in that time
-            excess = 0.1 * resolution * multiplier * pull
-            duration = float(np.clip(np.sqrt(2 * RUNAWAY * problem.size / max(excess, 1e-300)), _SHORTEST, longest))
+            duration = _running_away(problem.size, 0.1 * resolution * multiplier * pull)
             # above the associative limit no state of rest exists that errors of the solver might spoil
             sure = blocks == "rigid" and upper.outcome == "limit" and multiplier > (1 + _MOVING_TOLERANCE) * upper.multiplier
             tolerance = _MOVING_TOLERANCE if sure else None
@@ -277,6 +275,12 @@ def bracket(
     still = [multiplier for multiplier, seen in known.items() if not seen.moves and multiplier < min(begun)]
     motion = _bisected(max(still, default=0.0), min(begun), resolution, nothing, lambda multiplier: at(multiplier).moves)
     return Bracket(motion, fall, _sorted(known))
+
+
+def _running_away(extent: float, acceleration: float) -> float:
+    """[s] in which a structure of that extent [m] runs away at an acceleration [m/s^2], within bounds."""
+    longest = _LONGEST * np.sqrt(max(extent / _LARGE, 1.0))  # what is four times as large falls in twice the time
+    return float(np.clip(np.sqrt(2 * RUNAWAY * extent / max(acceleration, 1e-300)), _SHORTEST, longest))
 
 
 def _sorted(known: Mapping[float, Trial]) -> tuple[Trial, ...]:
