@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fcsim.arrays import FloatArray, IntArray, is_number, numbers_of
+from fcsim.arrays import FloatArray, IntArray, is_number, is_vector, numbers_of
 from fcsim.assembly import elasticity
 from fcsim.assembly.forms.facet_pressure import facet_forces, nodal_sum
 from fcsim.assembly.forms.nodal_forces import form_forces, given_forces
@@ -131,7 +131,21 @@ class FormLoad:
     factor: TimeFunction = field(default=lambda t: 1.0)
 
 
-Follower = FollowerForce | FollowerPressure
+@dataclass(frozen=True)
+class ForceAtPoint:
+    """A force F [N] of fixed direction at a point p [m] of a rigid body, as it stands in the reference, which it moves with, and a moment
+    [N m] (3 entries, 2D: 1) that stays, in world axes, times factor(t): about the centre of mass c of a body that has turned by R it is
+    moment + R (p - c) x F.
+    """
+
+    body: str
+    force: tuple[float, ...]
+    point: tuple[float, ...]
+    moment: tuple[float, ...] | None = None
+    factor: TimeFunction = field(default=lambda t: 1.0)
+
+
+Follower = FollowerForce | FollowerPressure | ForceAtPoint
 Load = Traction | Force | BodyForce | NodalForces | FormLoad | Follower
 
 
@@ -161,6 +175,11 @@ def load_vector(layout: BodyLayout, load: Load) -> FloatArray:
     own = slice(layout.dof_offset[number], layout.dof_offset[number + 1])
     if isinstance(load, FollowerPressure):
         vector[own] = _pressure(layout, body, load)
+        return vector
+    if isinstance(load, ForceAtPoint):
+        if not isinstance(body, RigidBody):
+            raise InputError(f"ForceAtPoint on body {load.body!r}: expected a rigid body; Force(..., at=) acts on a deformable one")
+        vector[own] = _about_centre(d, load, body, np.eye(d))
         return vector
     if isinstance(load, FollowerForce) and isinstance(body, Body):
         nodes, spread = turning_force(layout, load)
@@ -212,7 +231,17 @@ def _spread_force(layout: BodyLayout, load: Force) -> FloatArray:
     return nodal
 
 
-def _force_and_moment(d: int, load: Force | FollowerForce) -> tuple[FloatArray, FloatArray]:
+def _about_centre(d: int, load: ForceAtPoint, body: RigidBody, rotation: FloatArray) -> FloatArray:
+    """Force and moment about the centre of mass of a body that has turned by `rotation` (d, d)."""
+    force, moment = _force_and_moment(d, load)
+    if not is_vector(load.point, d):
+        raise InputError(f"ForceAtPoint on body {load.body!r}, point: expected {d} finite numbers, got {shown(load.point)}")
+    arm = rotation @ (np.array(load.point, dtype=np.float64) - body.centre)
+    turning = np.cross(arm, force) if d == 3 else np.array([arm[0] * force[1] - arm[1] * force[0]])
+    return np.concatenate([force, moment + turning])
+
+
+def _force_and_moment(d: int, load: Force | FollowerForce | ForceAtPoint) -> tuple[FloatArray, FloatArray]:
     """(d,) [N] and (3,), in 2D (1,), [N m]."""
     count = len(DIRECTIONS[d]) - d
     moment = (0.0,) * count if load.moment is None else load.moment
@@ -269,11 +298,15 @@ def _pressure(layout: BodyLayout, body: Body | RigidBody, load: FollowerPressure
 
 
 def turned(layout: BodyLayout, load: Follower, vector: FloatArray, rotations: FloatArray) -> FloatArray:
-    """The force and moment of `vector` (n_dofs,) turned with the body of a follower; rotations (nr, d, d) of the rigid bodies."""
+    """The force and moment of `vector` (n_dofs,) turned with the body of a follower; rotations (nr, d, d) of the rigid bodies. Of a force
+    at a point its arm turns alone."""
     d, number = layout.dimension, layout.body_number(load.body)
     rotation = rotations[number - len(layout.deformable)]
     own = slice(layout.dof_offset[number], layout.dof_offset[number + 1])
     values, result = vector[own], np.zeros_like(vector)
+    if isinstance(load, ForceAtPoint):
+        result[own] = _about_centre(d, load, layout.rigid[number - len(layout.deformable)], rotation)
+        return result
     result[own] = np.concatenate([rotation @ values[:d], rotation @ values[d:] if d == 3 else values[d:]])
     return result
 

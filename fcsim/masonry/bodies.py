@@ -66,14 +66,18 @@ def _around(faces: list[list[int]], name: str) -> list[int]:
 
 def force_and_moment(problem: MasonryProblem, load: PointForce, body: RigidBody) -> tuple[tuple[float, ...], tuple[float, ...]]:
     """Force [N] and moment [N m] about the centroid."""
-    force = vector_of(problem, load.value)
-    moment = np.array(load.moment) if problem.dimension == 3 else -np.array(load.moment[1:2])  # the turn from x to z is one about -y
+    force, moment = vector_of(problem, load.value), moment_of(problem, load)
     if load.point is None:
         return force, tuple(moment.tolist())
     arm = np.array(vector_of(problem, load.point)) - body.centre
     if problem.dimension == 2:
         return force, (float(moment[0] + arm[0] * force[1] - arm[1] * force[0]),)
     return force, tuple((moment + np.cross(arm, force)).tolist())
+
+
+def moment_of(problem: MasonryProblem, load: PointForce) -> FloatArray:
+    """Its moment alone (3,), 2D (1,) [N m]."""
+    return np.array(load.moment) if problem.dimension == 3 else -np.array(load.moment[1:2])  # the turn from x to z is one about -y
 
 
 def supports(problem: MasonryProblem) -> list[Support]:

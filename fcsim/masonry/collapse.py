@@ -32,6 +32,8 @@ FIRST, RUNAWAY = 1e-6, 1e-3
 """Shares of the structure's extent that blocks move by."""
 _STEPS, _RESTING = 120, 12
 """Steps of a trial; so many in a row without motion end it: rigid blocks that rest under a held load meet the same problem again."""
+_SHORTEST, _LONGEST, _LARGE = 0.2, 5.0, 10.0
+"""Bounds [s] of a trial's duration, the upper one of structures up to an extent [m]."""
 _SLOW = 1e-3
 """Share of the speed of a runaway below which blocks rest: an excess of the load by the resolution gives them 200 times that by then."""
 _SOFT_REST = 1e-2
@@ -246,8 +248,7 @@ def bracket(
     def at(multiplier: float) -> Trial:
         if multiplier not in known:
             # an excess of the resolution, at a tenth of the acceleration that it would give all blocks, runs away in that time
-            excess = 0.1 * resolution * multiplier * pull
-            duration = float(np.clip(np.sqrt(2 * RUNAWAY * problem.size / max(excess, 1e-300)), 0.2, 5.0))
+            duration = _running_away(problem.size, 0.1 * resolution * multiplier * pull)
             # above the associative limit no state of rest exists that errors of the solver might spoil
             sure = blocks == "rigid" and upper.outcome == "limit" and multiplier > (1 + _MOVING_TOLERANCE) * upper.multiplier
             tolerance = _MOVING_TOLERANCE if sure else None
@@ -274,6 +275,12 @@ def bracket(
     still = [multiplier for multiplier, seen in known.items() if not seen.moves and multiplier < min(begun)]
     motion = _bisected(max(still, default=0.0), min(begun), resolution, nothing, lambda multiplier: at(multiplier).moves)
     return Bracket(motion, fall, _sorted(known))
+
+
+def _running_away(extent: float, acceleration: float) -> float:
+    """[s] in which a structure of that extent [m] runs away at an acceleration [m/s^2], within bounds."""
+    longest = _LONGEST * np.sqrt(max(extent / _LARGE, 1.0))  # what is four times as large falls in twice the time
+    return float(np.clip(np.sqrt(2 * RUNAWAY * extent / max(acceleration, 1e-300)), _SHORTEST, longest))
 
 
 def _sorted(known: Mapping[float, Trial]) -> tuple[Trial, ...]:

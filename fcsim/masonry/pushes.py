@@ -9,7 +9,9 @@ import numpy as np
 from fcsim.arrays import FloatArray, is_vector
 from fcsim.brief import shown
 from fcsim.errors import InputError
-from fcsim.masonry.problem import GRAVITY, Acceleration, MasonryProblem, expect_problem
+from fcsim.masonry.problem import GRAVITY, Acceleration, MasonryProblem, PointForce, expect_problem
+
+_ALONG_AXIS = 1e-6  # of a load: round-off of a direction in digits
 
 
 def pushed(problem: MasonryProblem, direction: tuple[float, float, float]) -> MasonryProblem:
@@ -22,12 +24,14 @@ def pushed(problem: MasonryProblem, direction: tuple[float, float, float]) -> Ma
 def tilted(problem: MasonryProblem, direction: tuple[float, float, float]) -> MasonryProblem:
     """Return the problem with the load of a table that tilts, whose tangent is the multiplier.
 
-    In the axes of the table all loads turn by the angle a, those down (-z) towards the horizontal `direction`: cos a D + sin a D', which is
-    in equilibrium iff D + tan a D' is, since forces without tension or cohesion scale. Loads that grow already are left out.
+    In the axes of the table all loads turn by the angle a about its axis, those down (-z) towards the horizontal `direction`: cos a D +
+    sin a D', which is in equilibrium iff D + tan a D' is, since forces without tension or cohesion scale. Moments turn as forces do. Loads
+    that grow already are left out. InputError for loads along the axis, which stay as they are and are no multiple of the others.
     """
     along = unit(problem, direction)
     if abs(along[2]) > 1e-9:
         raise InputError(f"direction: expected a horizontal one to tilt to, got {direction}")
+    axis = np.cross((0.0, 0.0, 1.0), along)
 
     def turned(value: tuple[float, float, float]) -> tuple[float, float, float]:
         forward = float(np.dot(value, along))
@@ -35,7 +39,21 @@ def tilted(problem: MasonryProblem, direction: tuple[float, float, float]) -> Ma
         return x, y, z
 
     kept = tuple(load for load in problem.loads if not load.scaled)
-    return replace(problem, loads=(*kept, *(replace(load, value=turned(load.value), scaled=True) for load in kept)))
+    growing: list[Acceleration | PointForce] = []
+    for load in kept:
+        moment = load.moment if isinstance(load, PointForce) else (0.0, 0.0, 0.0)
+        for what, value in (("load", load.value), ("moment", moment)):
+            if abs(np.dot(value, axis)) > _ALONG_AXIS * np.linalg.norm(value):
+                on = f" on {load.block!r}" if isinstance(load, PointForce) else ""
+                raise InputError(
+                    f"tilt of {problem.name!r}: expected loads across the axis of the table, which turn with it, got the {what} "
+                    f"{tuple(value)}{on}: tilt in another direction, or push"
+                )
+        if isinstance(load, PointForce):
+            growing.append(replace(load, value=turned(load.value), moment=turned(moment), scaled=True))
+        else:
+            growing.append(replace(load, value=turned(load.value), scaled=True))
+    return replace(problem, loads=(*kept, *growing))
 
 
 def unit(problem: MasonryProblem, direction: tuple[float, float, float]) -> FloatArray:

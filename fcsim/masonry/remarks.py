@@ -12,11 +12,13 @@ from fcsim.contact_detection import Contacts
 from fcsim.masonry.collapse import FINEST, FIRST, Bracket, pressed, tolerance_of
 from fcsim.masonry.limit_analysis.analysis import LimitAnalysis
 from fcsim.masonry.limit_analysis.wedged import only_wedged
+from fcsim.masonry.problem import GRAVITY
 
 _BELOW, _ABOVE = 0.99, 1.02
 """Shares of Coulomb's multiplier by limit analysis below which a fall is remarked upon, and of the associative one above which."""
 _NOTHING = 1e-3  # of the multiplier of a fall: an associative one below it is zero
 _THIN = 1e-6  # of a structure's extent: contacts that span less are one point or one line
+_OTHER_GRAVITY = 2.0  # times g, or its part, is another unit of length, or another planet
 _NAMED = 5  # blocks that are named before "and n more"
 
 
@@ -35,6 +37,11 @@ def _of_the_model(analysis: LimitAnalysis) -> list[str]:
         said.append(f"the acceleration that stays, {tuple(weight.tolist())} m/s^2, does not act down: z is up")
     elif not np.any(analysis.limit.dead):
         said.append("no load stays upon the blocks: nothing presses joints together")
+    g = float(np.linalg.norm(weight))
+    if g and not GRAVITY / _OTHER_GRAVITY < g < GRAVITY * _OTHER_GRAVITY:
+        said.append(
+            f"the acceleration that stays is {g:.5g} m/s^2, far from {GRAVITY}, which a push in a --direction has: units are m, kg, s and N"
+        )
     if not np.any(analysis.limit.live[analysis.limit.free]):
         said.append("no load grows upon a free block: push in a --direction, or mark loads as scaled_by_multiplier")
     if not held.any():

@@ -9,14 +9,14 @@ from typing import Literal
 import numpy as np
 
 from fcsim.arrays import BoolArray, FloatArray, is_number
-from fcsim.assembly.loads import Force, Load
+from fcsim.assembly.loads import Force, ForceAtPoint, Load
 from fcsim.assembly.model import Model, build_model
 from fcsim.assembly.supports.support import Support
 from fcsim.brief import shown
 from fcsim.contact_detection import Contacts, Everything
 from fcsim.contact_law.as_built import AsBuilt
 from fcsim.errors import InputError
-from fcsim.masonry.bodies import force_and_moment, outline, rigid_blocks, supports, vector_of
+from fcsim.masonry.bodies import moment_of, outline, rigid_blocks, supports, vector_of
 from fcsim.masonry.problem import Block, MasonryProblem, PointForce, expect_problem
 from fcsim.mesh.material import Material
 from fcsim.mesh.part import Body, Part, RigidBody
@@ -88,10 +88,17 @@ def structure(
     loads: list[Load] = []
     for load in problem.loads:
         if isinstance(load, PointForce):
-            force, moment = force_and_moment(problem, load, rigid[problem.number[load.block]])
-            loads.append(Force(load.block, force, moment, multiplier if load.scaled else staying))
+            loads.append(_point_force(problem, load, multiplier if load.scaled else staying))
     beta = 0.0 if blocks_are == "rigid" else stone.beta
     return build_model(bodies, supports=stays, loads=loads, gravity=gravity, beta=beta, lumped=lumped), remarks
+
+
+def _point_force(problem: MasonryProblem, load: PointForce, factor: TimeFunction) -> Load:
+    """At a point the force moves with it where the block turns: a load on top overturns what one at the centroid does not."""
+    force, moment = vector_of(problem, load.value), tuple(moment_of(problem, load).tolist())
+    if load.point is None or not any(load.value):
+        return Force(load.block, force, moment, factor)
+    return ForceAtPoint(load.block, force, vector_of(problem, load.point), moment, factor)
 
 
 def touching(problem: MasonryProblem, model: Model) -> Contacts:

@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
 from fcsim.assembly.kinematics.following import When
-from fcsim.assembly.loads import FollowerForce, FollowerPressure, Force, Traction
+from fcsim.assembly.loads import FollowerForce, FollowerPressure, Force, ForceAtPoint, Traction
 from fcsim.assembly.model import build_model
 from fcsim.contact_detection import Detector, SurfacePair
 from fcsim.contact_detection.surfaces.model_surfaces import contact_surface
@@ -104,6 +104,16 @@ def test_a_force_on_a_surface_turns_with_it(R: np.ndarray) -> None:
         assert_allclose(np.cross(arm, force).sum(axis=0), 1.5 * rotation @ [1, 2, 3], atol=1e-12)
 
 
+def test_the_arm_of_a_force_at_a_point_turns_with_its_body() -> None:
+    """moment + R (p - c) x F, in space and in the plane."""
+    turn = Rotation.from_rotvec([0.4, 1.2, -2.0])
+    box = build_model([rigid_box("box", (1, 1, 1), (5, 0, 0), 1.0)], loads=[ForceAtPoint("box", (4.0, 5, 6), (5.5, 0.2, 0.1), (1.0, 2, 3))])
+    turning = np.array([1, 2, 3]) + np.cross(turn.apply([0.5, 0.2, 0.1]), [4, 5, 6])
+    assert_allclose(box.load(0.0, np.array([9.0, 8, 7, *turn.as_rotvec()])), [4, 5, 6, *turning])
+    flat = build_model([rigid_rectangle("flat", (1, 1), (5, 0), 1.0)], loads=[ForceAtPoint("flat", (4.0, 5), (5.5, 0), (1.0,))])
+    assert_allclose(flat.load(0.0, np.array([9.0, 8, np.pi / 2])), [4, 5, 1 - 0.5 * 4])
+
+
 @pytest.mark.parametrize(
     ("load", "message"),
     [
@@ -119,6 +129,8 @@ def test_a_force_on_a_surface_turns_with_it(R: np.ndarray) -> None:
         (FollowerPressure("soft", "x+", "1e5"), "expected a finite pressure in Pa, got '1e5'"),  # type: ignore[arg-type]
         (FollowerPressure("box", "top", 1.0), "body 'box': expected a surface among"),
         (FollowerPressure("box", "x+", float("nan")), "expected a finite pressure"),
+        (ForceAtPoint("soft", (1.0, 0, 0), (0.0, 0, 0)), "ForceAtPoint on body 'soft': expected a rigid body"),
+        (ForceAtPoint("box", (1.0, 0, 0), (0.0, 0)), "ForceAtPoint on body 'box', point: expected 3 finite numbers"),
         (FollowerForce("box", (1.0, 0)), "expected 3 force and 3 moment components"),
     ],
 )

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -63,6 +65,14 @@ def test_loads_on_supports_alone_grow_upon_nothing() -> None:
 def test_no_load_that_grows_is_said() -> None:
     (said,) = remarks(analyse(stone_on_floor()), None)
     assert "no load grows upon a free block" in said
+
+
+def test_gravity_in_other_units_is_said() -> None:
+    """Of a stone in mm, t and s a push by its weight at 9.81 has a multiplier a thousand times too large."""
+    stone = replace(stone_on_floor(), loads=(Acceleration((0.0, 0.0, -9810.0)),))
+    found = analyse(pushed(stone, (1.0, 0.0, 0.0)))
+    assert found.associative.multiplier == pytest.approx(300.0)
+    assert any("is 9810 m/s^2, far from 9.81" in said for said in remarks(found, None))
 
 
 def test_what_falls_under_the_loads_that_stay_is_not_said_to_stand_at_none() -> None:
