@@ -25,7 +25,7 @@ import numpy as np
 
 from fcsim.arrays import FloatArray
 from fcsim.assembly.model import Model
-from fcsim.contact_detection import Detection, Everything, ExactContacts
+from fcsim.contact_detection import Detection, Everything, innermost
 from fcsim.contact_detection.contacts import join
 from fcsim.contact_detection.sweep import brought_back
 from fcsim.contact_law.law import Implicit
@@ -34,7 +34,7 @@ from fcsim.ranks import largest
 from fcsim.timestep.encounter import Encounter, asked_again
 from fcsim.timestep.scheme import Scheme
 from fcsim.timestep.state import State
-from fcsim.timestep.step_equation.look_ahead.lengths import BORNE, THROWN, moves, of_other_facets, places, turns
+from fcsim.timestep.step_equation.look_ahead.lengths import BORNE, THROWN, moves, of_other_facets, places, rolled_back, turns
 from fcsim.timestep.step_equation.look_ahead.load_steps import came_together
 
 ROUNDS = 4
@@ -85,9 +85,7 @@ def looked_ahead(
     at = place[anew]
     bend[at] = np.where(deeper[anew], there.gap[anew] - straight[at], np.minimum(there.gap[anew] - straight[at], 0.0))  # (1)
     new = there.take(deeper & ~known & ~of_other_facets(met, there, positions))
-    if isinstance(detection, ExactContacts):
-        new = detection.rolled_back(new, positions, met.meeting.positions)
-    new = brought_back(new, met.meeting.positions)
+    new = brought_back(rolled_back(detection, new, positions, met.meeting.positions), met.meeting.positions)
     every = join([held, new])
     order = np.argsort(every.identity, kind="stable")
     again = asked_again(model, scheme, state, met, every.take(order), np.concatenate([bend, np.zeros(len(new))])[order])
@@ -104,7 +102,7 @@ def borne_at_first(model: Model, detection: Detection, scheme: Scheme, met: Enco
     answer is always one by the settings' tolerance.
     """
     joints = met.compliance is not None and not isinstance(scheme.law, Implicit)
-    if not joints or model.deformable or not isinstance(detection, Everything) or not scheme.timing.moving:
+    if not joints or model.deformable or not isinstance(innermost(detection), Everything) or not scheme.timing.moving:
         return 0.0
     if seen is not None and len(met.contacts) - len(seen.contacts) <= FEW * len(met.contacts):
         return 0.0
@@ -114,7 +112,7 @@ def borne_at_first(model: Model, detection: Detection, scheme: Scheme, met: Enco
 def _found_late(model: Model, detection: Detection, scheme: Scheme, met: Encounter, after: State) -> bool:
     """Whether bodies move by a length that counts under a detection of everything: what approaches beside a face, a corner above
     a corner, is its contact when it is there. (It keeps what it finds where the next step begins: looking costs nothing.)"""
-    if not isinstance(detection, Everything):
+    if not isinstance(innermost(detection), Everything):
         return False
     return moves(met, model.positions(scheme.detection_configuration(model, after)) - met.meeting.positions)
 
