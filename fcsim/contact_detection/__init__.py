@@ -2,7 +2,7 @@
 
 from fcsim.contact_detection.contact_matrix import contact_matrix, contact_matrix_of_bodies
 from fcsim.contact_detection.contacts import Contacts
-from fcsim.contact_detection.detection import Detection, left_out
+from fcsim.contact_detection.detection import Detection, innermost, left_out
 from fcsim.contact_detection.detector import Detector
 from fcsim.contact_detection.exact import ExactContacts
 from fcsim.contact_detection.general.everything import Everything
@@ -19,6 +19,7 @@ __all__ = [
     "SurfacePair",
     "contact_matrix",
     "contact_matrix_of_bodies",
+    "innermost",
     "left_out",
     "split_at_sharp_edges",
     "two_pass",

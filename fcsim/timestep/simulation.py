@@ -16,7 +16,7 @@ from fcsim.assembly.kinematics.deformation import DeformationMeasure
 from fcsim.assembly.locking import locking_parts
 from fcsim.assembly.model import Model
 from fcsim.brief import brief, by_fields, shown
-from fcsim.contact_detection import Detection, Everything, left_out
+from fcsim.contact_detection import Detection, Everything, innermost, left_out
 from fcsim.contact_law.proportions import Proportions, proportions
 from fcsim.errors import InputError, Penetration
 from fcsim.linkage import Linkage
@@ -131,7 +131,7 @@ class Simulation:
 
     @cached_property
     def _proportions(self) -> Proportions:
-        return proportions(self.model, isinstance(self.detector, Everything))
+        return proportions(self.model, isinstance(innermost(self.detector), Everything))
 
     @cached_property
     def _rest(self) -> float:  # kinetic energy [J] of what is at rest

@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from fcsim.assembly.model import build_model
 from fcsim.assembly.supports import Support
-from fcsim.contact_detection import Detector, SurfacePair
+from fcsim.contact_detection import Detector, Everything, SurfacePair
 from fcsim.contact_detection.surfaces.model_surfaces import contact_surface
 from fcsim.contact_law import Cohesive, Gap, JointLost, Springs, laws_of_bodies, laws_of_pairs
 from fcsim.errors import InputError
@@ -242,3 +242,23 @@ def test_refusals() -> None:
     ):
         with pytest.raises(InputError, match=message):
             Cohesive(**options)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(("theta", "first", "second"), [(0.5, 9 / 8, 7 / 8), (1.0, 1 / 2, 1.0)])
+@pytest.mark.parametrize("h", [1e-3, 2e-3])
+def test_two_glued_halves_that_spin_from_the_first_step_are_held_by_what_their_circle_takes(
+    theta: float, first: float, second: float, h: float
+) -> None:
+    """m omega^2 R of each half, by the circle that its centre goes; of the first two steps with what is between it and the chord of x_m,
+    R (omega h)^2 / 8, and at theta = 1 the half step before the first force. The joint does not stand open by R (omega h)^2 / 2."""
+    omega, mass, R = 10.0, 1000.0, 0.5
+    halves = [rigid_box("left", (1.0, 1.0, 1.0), (-R, 0, 0), mass), rigid_box("right", (1.0, 0.8, 0.8), (R, 0, 0), mass)]
+    model = build_model(halves)
+    start = at_rest(model)
+    model.rigid_part(start.v)[:, 1] = omega * R * np.array([-1.0, 1.0])
+    model.rigid_part(start.v)[:, 5] = omega
+    law = Cohesive(tension=2e5, mode_1=1e3, mode_2=1e3)
+    steps = list(Simulation(model, Everything(model, 0.5), Theta(h, theta, law), 5, SETTINGS, initial=start, witness=None))
+    held = [np.linalg.norm(step.contact_force_on(1)) / (mass * omega**2 * R) for step in steps]
+    assert_allclose(held, [first, second, 1.0, 1.0, 1.0], rtol=5 * (omega * h) ** 2)
+    assert max(step.contacts.gap.max() for step in steps[1:]) < 0.01 * R * (omega * h) ** 2

@@ -10,7 +10,7 @@ from functools import cached_property
 import numpy as np
 
 from fcsim.arrays import BoolArray, FloatArray, IntArray
-from fcsim.contact_detection import Everything
+from fcsim.contact_detection import Everything, innermost
 from fcsim.contact_law.proportions import Proportions, proportions
 from fcsim.errors import InputError
 from fcsim.problem import GlobalProblem
@@ -63,7 +63,7 @@ class Side:
 
     @cached_property
     def _proportions(self) -> Proportions:
-        return proportions(self.simulation.model, isinstance(self.simulation.detector, Everything))
+        return proportions(self.simulation.model, isinstance(innermost(self.simulation.detector), Everything))
 
     @cached_property
     def _elastic(self) -> Linearisation:

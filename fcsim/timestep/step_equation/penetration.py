@@ -8,7 +8,7 @@ import numpy as np
 
 from fcsim.arrays import FloatArray
 from fcsim.assembly.model import Model
-from fcsim.contact_detection import Detection, Everything
+from fcsim.contact_detection import Detection, Everything, innermost
 from fcsim.contact_detection.contacts import Contacts
 from fcsim.contact_detection.sweep import bounded
 from fcsim.timestep.chain import Attempt
@@ -62,13 +62,13 @@ def at_end(
         gone = lost(model, began, found, model.positions(before.x), positions)
         return AtEnd(max(0.0, float(-found.gap.min(initial=0.0))), False, gone)
     moved = positions - met.meeting.positions
-    if isinstance(detection, Everything) and moves(met, moved):  # what turns and slides has other contacts there
+    if isinstance(innermost(detection), Everything) and moves(met, moved):  # what turns and slides has other contacts there
         deepest, deep = 0.0, True
     else:
         deepest, deep = _followed(met, moved)
     there = detection(positions) if deep else None
     penetration = deepest if there is None else max(0.0, float(-there.gap.min(initial=0.0)))
-    answers = isinstance(detection, Everything) and len(met.contacts) > 0 and met.keeps_apart(scheme.law)
+    answers = isinstance(innermost(detection), Everything) and len(met.contacts) > 0 and met.keeps_apart(scheme.law)
     if not answers or (settled and there is None):
         return AtEnd(penetration, False)
     sinks = there is not None and _deeper(detection, met, there)
@@ -79,6 +79,7 @@ def at_end(
 
 def _deeper(detection: Detection, met: Encounter, there: Contacts) -> bool:
     """Whether contacts found later are deeper, by what counts, than the deepest of the same two bodies where the step's were found."""
+    there = there.take(~there.cables)  # one that turns is longer between the instants at which it is held
     counts = SUNK * met.meeting.proportions.size_at(there)
     if not np.any(there.gap < -counts):
         return False

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.assembly.model import Model
-from fcsim.contact_detection.contacts import Contacts
+from fcsim.contact_detection import Detection, ExactContacts, innermost
+from fcsim.contact_detection.contacts import Contacts, join
 from fcsim.contact_law.handed_on import comes_after
 from fcsim.timestep.encounter import Encounter
 
@@ -39,6 +42,19 @@ def turns(model: Model, moved: FloatArray) -> FloatArray:
     turns = np.zeros(len(own))
     turns[some] = np.maximum.reduceat(beside, first)
     return turns
+
+
+def rolled_back(detection: Detection, contacts: Contacts, later: FloatArray, begin: FloatArray) -> Contacts:
+    """Contacts found at `later` (n_nodes, d) [m] with the weights of points that touched in the same place at `begin`, see
+    `ExactContacts.rolled_back`; as they are where another rule found them. Cables have no such points."""
+    within = innermost(detection)
+    if not isinstance(within, ExactContacts):
+        return contacts
+    if not contacts.cables.any():
+        return within.rolled_back(contacts, later, begin)
+    bodies, width = contacts.take(~contacts.cables), 2 * (contacts.dimension + 1)  # cables on surfaces may have more nodes
+    bodies = replace(bodies, nodes=bodies.nodes[:, :width], weights=bodies.weights[:, :width])
+    return join([within.rolled_back(bodies, later, begin), contacts.take(contacts.cables)])
 
 
 def of_other_facets(met: Encounter, there: Contacts, later: FloatArray) -> BoolArray:

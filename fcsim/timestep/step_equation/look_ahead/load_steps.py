@@ -12,14 +12,14 @@ import numpy as np
 
 from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.assembly.model import Model
-from fcsim.contact_detection import Detection, Detector, Everything, ExactContacts
+from fcsim.contact_detection import Detection, Detector, Everything, ExactContacts, innermost
 from fcsim.contact_detection.contacts import Contacts, join
 from fcsim.contact_detection.sweep import brought_back
 from fcsim.errors import InputError
 from fcsim.timestep.encounter import Encounter, asked_again
 from fcsim.timestep.scheme import Scheme
 from fcsim.timestep.state import State
-from fcsim.timestep.step_equation.look_ahead.lengths import BORNE, THROWN, moves, of_other_facets, places, turns
+from fcsim.timestep.step_equation.look_ahead.lengths import BORNE, THROWN, moves, of_other_facets, places, rolled_back, turns
 
 FAR = 0.1
 """Of the smallest body: bodies that a load step moves by less beside each other have not gone through one another."""
@@ -46,7 +46,7 @@ def came_together(model: Model, detection: Detection, scheme: Scheme, state: Sta
     the step would end without a force. Contacts are those met on the way but what was `_slid_over`, else those of the end, brought back;
     of bodies that touch elsewhere and of one body with itself, too. What nonlinear bodies meet is found at the iterates, see `Anew`.
     """
-    if model.nonlinear or not isinstance(detection, Everything | Detector | ExactContacts):
+    if model.nonlinear or not isinstance(innermost(detection), Everything | Detector | ExactContacts):
         return None
     begin, end, held = met.meeting.positions, model.positions(after.x), met.meeting.contacts
     if not moves(met, end - begin):
@@ -57,8 +57,8 @@ def came_together(model: Model, detection: Detection, scheme: Scheme, state: Sta
         released = np.concatenate([released, np.unique(np.sort(held.bodies[passed], axis=1), axis=0)])
         again = asked_again(model, scheme, state, met, held.take(~passed))
         return replace(again, ending=met.ending, released=released)
-    if isinstance(detection, ExactContacts) and len(anew := _bent(met, there, begin, end)):
-        found = brought_back(detection.rolled_back(there.take(_of_pairs(there, anew)), end, begin), begin)
+    if isinstance(innermost(detection), ExactContacts) and len(anew := _bent(met, there, begin, end)):
+        found = brought_back(rolled_back(detection, there.take(_of_pairs(there, anew)), end, begin), begin)
         return _with(model, scheme, state, met, held.take(~_of_pairs(held, anew)), found)
     found, ending = _closed(met, _met_far(model, met, detection, end - begin), end), met.ending
     found = found.take(~_of_pairs(found, ending))
@@ -71,9 +71,7 @@ def came_together(model: Model, detection: Detection, scheme: Scheme, state: Sta
         there = there.take(wanted & ~of_other_facets(met, there, end))
         held = held.take(~left)
         found = there.take(~places(held.identity, there.identity)[1])
-        if isinstance(detection, ExactContacts):
-            found = detection.rolled_back(found, end, begin)
-        found = brought_back(found, begin)
+        found = brought_back(rolled_back(detection, found, end, begin), begin)
     if not len(found):
         return None
     return replace(_with(model, scheme, state, met, held, found), ending=ending)
@@ -126,7 +124,7 @@ def _bent(met: Encounter, there: Contacts, begin: FloatArray, end: FloatArray) -
     moved = np.einsum("ak,akd->ad", np.where(held.nodes < 0, 0.0, held.weights), (end - begin)[held.nodes])
     along, *beside = np.einsum("aid,ad->ia", held.frame, moved)
     slid = np.linalg.norm(beside, axis=0)
-    wrong = (meant < BORNE * size) & (slid > np.maximum(SLID * size, np.abs(along))) & (off > BENT * size)
+    wrong = (meant < BORNE * size) & (slid > np.maximum(SLID * size, np.abs(along))) & (off > BENT * size) & ~held.cables
     return np.unique(np.sort(held.bodies[wrong], axis=1), axis=0)
 
 
@@ -168,10 +166,11 @@ def _from_the_first(contacts: Contacts) -> FloatArray:
 
 
 def _left_behind(met: Encounter, contacts: Contacts, end: FloatArray) -> BoolArray:
-    """Which contacts (nc,) have points that are beside each other by more than `FAR` at positions (n_nodes, d) [m]."""
+    """Which contacts (nc,) have points that are beside each other by more than `FAR` at positions (n_nodes, d) [m]; cables are
+    where their ends are."""
     apart = np.einsum("ak,akd->ad", np.where(contacts.nodes < 0, 0.0, contacts.weights), end[contacts.nodes])
     beside = np.einsum("aid,ad->ai", contacts.frame[:, 1:], apart)
-    return np.asarray(np.linalg.norm(beside, axis=1) > FAR * met.meeting.proportions.size_at(contacts))
+    return np.asarray((np.linalg.norm(beside, axis=1) > FAR * met.meeting.proportions.size_at(contacts)) & ~contacts.cables)
 
 
 def _of_pairs(contacts: Contacts, pairs: IntArray) -> BoolArray:
