@@ -85,8 +85,8 @@ def dearer_than_proximal(race: Race, cost: float) -> bool:
 
 
 def sweeps_lead_on(race: Race) -> bool:
-    """Whether sweeps of a bed of grains, from zero or in motion, have yet to spend what some iterations of proximal Newton cost, which takes
-    fewer from further on: they find out which contacts hold at a fraction of its price."""
+    """Whether sweeps of a bed of grains, from zero or in motion, have yet to spend what some iterations of proximal Newton cost, which
+    takes fewer from further on: they find out which contacts hold at a fraction of its price."""
     if race.joints is not None or (race.warm and not kept(race)) or held_as_blocks(race) or "sweeps" not in race.runners:
         return False
     in_w = LED_IN_W if race.problem.dimension == 2 or in_single_points(race) else 0
