@@ -24,6 +24,9 @@ rocks, 0.45 to 0.85 of spheres of unlike masses."""
 FACES = 1.3
 """Velocities held, over those that there are, beyond which it is faces that hold: 1.3 to 5 after the first sweeps in walls, towers, layers
 of boxes, at most 1.2 in beds of rocks with up to three points a pair."""
+UNLIKE = 1e3
+"""Largest of the contacts' compliances over the least from which the bodies are of unlike masses: 1e6 and more where masses differ as much,
+6 to 300 in beds of discs, spheres, rocks."""
 KEPT_UP_TO = 20000
 """Contacts up to which sweeps are NNCG from the beginning."""
 
@@ -122,6 +125,12 @@ def on_springs(race: Race) -> bool:
 def elastic_joints(race: Race) -> bool:
     """Whether contacts come in joints of bodies of many velocities, as of elastic bricks, be some among them rigid."""
     return race.joints is not None and not race.prices.in_velocities
+
+
+def unlike(race: Race) -> bool:
+    """Whether bodies of very unlike masses lie in a bed of grains, told by the contacts' own blocks of W."""
+    compliance = race.problem.compliance
+    return race.joints is None and not edges(race) and not in_blocks(race) and bool(compliance.max() > UNLIKE * compliance.min())
 
 
 def newton_stays(race: Race) -> bool:

@@ -271,9 +271,12 @@ def _share(race: Race, runner: Runner, total: float) -> float:
 
 
 def _enter(race: Race, stages: Sequence[Stage]) -> None:
+    """Whoever enters now, in the order of the stages, up to one that opens: to ask the others costs as much as sweeps of few contacts."""
     for stage in stages:
         if stage.name not in race.runners and stage.enters(race):
-            race.runners[stage.name] = Runner(stage, race)
+            race.runners[stage.name] = runner = Runner(stage, race)
+            if stage.opens(race, runner):
+                break
 
 
 def _answers(race: Race, r: FloatArray) -> bool:

@@ -22,7 +22,7 @@ from fcsim.errors import InputError
 from fcsim.problem import LocalProblem
 from fcsim.problem.distributed import DistributedDelassus
 from fcsim.solvers.automatic import methods
-from fcsim.solvers.automatic.closed import closed, elastic_joints, faces, held_as_blocks, on_springs, singular_here
+from fcsim.solvers.automatic.closed import closed, elastic_joints, faces, held_as_blocks, kept, on_springs, singular_here
 from fcsim.solvers.automatic.costs import Prices
 from fcsim.solvers.automatic.expected import FAR, at_first, dearer_than_newton, dearer_than_proximal, opening, sweeps_lead_on, swept
 from fcsim.solvers.automatic.first import JOINTS_SHARE, newton_first, proximal_first, splitting_first
@@ -101,7 +101,7 @@ def _enter_splitting(race: Race) -> bool:
         return False
     if splitting_first(race):
         return True
-    if _proximal_before_splitting(race):
+    if _proximal_before_splitting(race) or (race.warm and sweeps_lead_on(race)):
         return False
     cost, share = SLOWING * swept(race), race.options.splitting
     return cost > race.prices.least_splitting(share) and cost > race.prices.splitting(share)
@@ -168,7 +168,7 @@ def _proximal_is_due(race: Race) -> bool:
         return True
     if not race.over("Newton"):
         return singular_here(race) and dearer_than_proximal(race, swept(race)) and not sweeps_lead_on(race)
-    near = race.warm or race.joints is not None or on_springs(race)
+    near = race.joints is not None or on_springs(race) or (race.warm and not kept(race))
     return near or (dearer_than_proximal(race, swept(race)) and not sweeps_lead_on(race))
 
 

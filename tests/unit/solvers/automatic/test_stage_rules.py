@@ -27,6 +27,7 @@ from tests.unit.solvers.automatic.states import (
 pytestmark = pytest.mark.usefixtures("what_is_held_is_written_down")
 
 JOINTS: dict[str, Any] = {"joints": object(), "in_velocities": False}
+IN_MOTION: dict[str, Any] = {"in_velocities": False, "warm": True, "sparse": True}
 
 
 def stage(name: str) -> Stage:
@@ -294,6 +295,10 @@ def test_sweeps_enter(changes: dict[str, Any], over: tuple[str, ...], enters: bo
         ({"in_velocities": False, "dimension": 2, "warm": True}, True, sweeping(600.1, spent=599.0), True),
         ({"in_velocities": False, "single": True}, True, sweeping(600.1, spent=600.0), True),  # and of spheres
         ({"in_velocities": False, "single": True}, True, sweeping(600.1, spent=599.0), False),
+        ({**IN_MOTION, "single": True}, True, sweeping(600.1, spent=400.0), True),  # in motion what 40 iterations cost
+        ({**IN_MOTION, "single": True}, True, sweeping(600.1, spent=399.0), False),
+        ({**IN_MOTION, "single": True}, True, sweeping(600.0, spent=400.0), False),
+        ({**IN_MOTION, "single": False}, True, sweeping(600.1, spent=1.0), True),
         ({"dimension": 2}, True, sweeping(600.1, spent=400.0), True),  # in the bodies' velocities as grains in 3D
         ({"dimension": 2}, True, sweeping(600.1, spent=399.0), False),
         ({"regular": True}, True, sweeping(600.1, spent=40.0), True),
@@ -307,6 +312,14 @@ def test_sweeps_enter(changes: dict[str, Any], over: tuple[str, ...], enters: bo
 def test_proximal_newton_enters(changes: dict[str, Any], newton_over: bool, sweeps: Shown, enters: bool) -> None:
     race = state(runners={"sweeps": sweeps, "Newton": Shown(result=ENDED if newton_over else None)}, **changes)
     assert stage("proximal Newton").enters(race) is enters
+
+
+@pytest.mark.parametrize(
+    ("changes", "spent", "enters"), [(IN_MOTION, 399.0, False), (IN_MOTION, 400.0, True), ({"in_velocities": False}, 399.0, True)]
+)
+def test_admm_waits_for_the_sweeps_of_beds_in_motion(changes: dict[str, Any], spent: float, enters: bool) -> None:
+    race = state(runners={"sweeps": sweeping(1e3, spent=spent)}, **{"single": True, **changes})
+    assert stage("splitting").enters(race) is enters
 
 
 @pytest.mark.parametrize(("iterations", "alone"), [(19, True), (20, False)])
@@ -428,6 +441,10 @@ def test_fischer_burmeister_enters_last(spent: float, running: bool, from_zero: 
     ("changes", "options"),
     [
         ({"holds": LOOSE}, "PROXIMAL_NEWTON"),
+        ({"holds": LOOSE, "points": 1.2, "spread": 1001.0}, "PROXIMAL_OF_UNLIKE"),
+        ({"holds": LOOSE, "points": 1.2, "spread": 1000.0}, "PROXIMAL_NEWTON"),
+        ({"holds": LOOSE, "points": 4.0, "spread": 1001.0}, "PROXIMAL_NEWTON"),
+        ({"holds": EDGES_HELD, "dimension": 2, "points": 1.2, "spread": 1001.0, "warm": True}, "PROXIMAL_OF_EDGES"),
         ({"holds": FACES_HELD}, "PROXIMAL_OF_FACES"),
         ({"holds": FACES_HELD, "warm": True}, "PROXIMAL_NEWTON"),
         ({"holds": FACES_HELD, "in_velocities": False}, "PROXIMAL_NEWTON"),
