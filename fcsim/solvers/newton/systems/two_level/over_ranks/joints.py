@@ -23,7 +23,20 @@ from fcsim.threads import pieces_by_work, side_by_side
 
 Pairs = tuple[IntArray, IntArray, IntArray, IntArray]
 
-PATTERN = ("parts", "cuts", "begins", "wide", "order", "bodies", "body_begins", "listed", "shares", "halo", "in_halo", "guests")
+PATTERN: tuple[str, ...] = (
+    "parts",
+    "cuts",
+    "begins",
+    "wide",
+    "order",
+    "bodies",
+    "body_begins",
+    "listed",
+    "shares",
+    "halo",
+    "in_halo",
+    "guests",
+)
 PATTERN += ("place_begins", "places", "coarse", "coarse_between", "precision", "entries", "of_all")
 """What joints have from where W and h have entries, and not from their numbers: it serves again where those are there again."""
 
@@ -42,8 +55,8 @@ class OwnJoints:
             h = behind.make_h()
             self.entries = (*h[:4], bodies, sizes, behind.rank, *layout.contacts)  # known to all: they take the same decision
             before = earlier.get("entries")
-            same = isinstance(before, tuple) and len(before) == len(self.entries)
-            if same and all(np.array_equal(*both) for both in zip(self.entries, before, strict=True)):
+            alike = isinstance(before, tuple) and len(before) == len(self.entries)
+            if isinstance(before, tuple) and alike and all(map(np.array_equal, self.entries, before)):
                 vars(self).update(earlier)
         if "halo" not in vars(self):
             self._find_pattern(W, behind, h[:4], sizes)
