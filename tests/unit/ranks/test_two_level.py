@@ -79,6 +79,14 @@ def test_each_joint_is_one_rank_s_and_so_is_its_memory(shared: Any, ranks: int) 
 
 
 @pytest.mark.parametrize("ranks", RANKS)
+def test_joints_take_over_what_follows_from_where_h_has_entries(shared: Any, ranks: int) -> None:
+    """Where it has them where it had them, and the blocks are those of joints without anything earlier."""
+    for rank in shared(ranks):
+        assert rank["taken over"] == [True, False]
+        assert rank["the same"] == [True, True]
+
+
+@pytest.mark.parametrize("ranks", RANKS)
 def test_products_are_those_of_W(shared: Any, ranks: int) -> None:
     W, _ = alone()
     _, _, x = given(W)

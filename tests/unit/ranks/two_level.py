@@ -21,7 +21,7 @@ from fcsim.solvers.newton.formulations import alart_curnier
 from fcsim.solvers.newton.spaces import LocalSpace
 from fcsim.solvers.newton.systems.over_ranks import SystemOverRanks
 from fcsim.solvers.newton.systems.two_level.over_ranks import patches
-from fcsim.solvers.newton.systems.two_level.over_ranks.joints import OwnJoints, parts_by_joints
+from fcsim.solvers.newton.systems.two_level.over_ranks.joints import OwnJoints
 from fcsim.solvers.newton.systems.two_level.over_ranks.preconditioner import PreconditionerOverRanks
 from fcsim.solvers.newton.systems.two_level.over_ranks.system import TwoLevelOverRanks
 from tests.unit.ranks.walls import simulation
@@ -80,8 +80,11 @@ def made_together(W: DistributedDelassus) -> dict[str, object]:
     assert behind is not None
     bodies = behind.bodies
     assert bodies is not None
-    parts = parts_by_joints(W, behind, bodies)
-    joints = OwnJoints(W, behind, parts, bodies)
+    joints = OwnJoints(W, behind, bodies, {})
+    parts = joints.parts
+    again = OwnJoints(W, behind, bodies, joints.pattern)
+    moved = (np.roll(joints.entries[0], 1), *joints.entries[1:])
+    other = OwnJoints(W, behind, bodies, joints.pattern | {"entries": moved})
     x = np.random.default_rng(2).standard_normal((W.layout.nc, W.layout.dimension))
     own = x[parts.own]
     A, B = linearisation(len(x), float(W.diagonal().mean()))
@@ -111,6 +114,8 @@ def made_together(W: DistributedDelassus) -> dict[str, object]:
         "halo": joints.halo.contacts.tolist(),
         "joined": [joined[0].tolist(), joined[1], joined[2].tolist()],
         "entries": len(joints.E),
+        "taken over": [new.halo is joints.halo and new.coarse is joints.coarse for new in (again, other)],
+        "the same": [np.array_equal(new.E, joints.E) and np.array_equal(new.order, joints.order) for new in (again, other)],
         **in_patches(W, A, B, x),
         "refused": kept.following(bodies, 2 * joints.diagonal_of_W) is None,
     }

@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from fcsim.arrays import FloatArray, IntArray
+from fcsim.arrays import FloatArray
 from fcsim.linear.factors import SingularMatrix
 from fcsim.linear.krylov import combined
 from fcsim.linear.over_ranks.krylov import gmres_over_ranks
 from fcsim.problem.distributed import BodiesOverRanks, DistributedDelassus
 from fcsim.solvers.newton.systems.two_level import _joint_kernels as kernels
 from fcsim.solvers.newton.systems.two_level.joints import JOINT_UP_TO
-from fcsim.solvers.newton.systems.two_level.over_ranks.joints import OwnJoints, parts_by_joints
+from fcsim.solvers.newton.systems.two_level.over_ranks.joints import OwnJoints
 from fcsim.solvers.newton.systems.two_level.over_ranks.patches import patched_over_ranks
 from fcsim.solvers.newton.systems.two_level.over_ranks.preconditioner import PreconditionerOverRanks
 from fcsim.solvers.newton.systems.two_level.patches import PART, ROUNDS
@@ -65,15 +65,13 @@ class TwoLevelOverRanks:
         if self._precondition is not None:
             found = self._by(self._precondition, (A, B, rhs, diagonal), limits, changed_by)
         if found is None and (self._precondition is None or self._precondition.earlier):
+            earlier = {} if self._kept is None else self._kept.joints.pattern
             self._precondition = self._kept = None  # the old one makes room for the new
-            self._precondition = self._anew(bodies)
+            joints = OwnJoints(self._W, self._behind, bodies, earlier)
+            self._precondition = PreconditionerOverRanks(joints, self._W.layout)
             found = self._by(self._precondition, (A, B, rhs, diagonal), limits, changed_by)
         self.pays = found is not None
         return found
-
-    def _anew(self, bodies: IntArray) -> PreconditionerOverRanks:
-        parts = parts_by_joints(self._W, self._behind, bodies)
-        return PreconditionerOverRanks(OwnJoints(self._W, self._behind, parts, bodies), self._W.layout)
 
     def settled(
         self, u: FloatArray, r: FloatArray, mu: FloatArray, rho: FloatArray, weight: FloatArray, limit: float
