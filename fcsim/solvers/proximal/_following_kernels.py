@@ -278,7 +278,8 @@ def follow_in_velocities(
     Long because it is one piece from its elimination to the next.
     """
     nc, n, k = len(status), len(mass[0]) - 1, h.shape[1]
-    t, pieces, short, count, way, contact, since = 0.0, 0, 0, -1, 1, -1, 0
+    t, pieces, short, way, since = 0.0, 0, 0, 1, 0
+    count, contact = np.int64(-1), np.int64(-1)  # -1 alone is a type of its own to numba, for which what takes them is compiled once more
     z, status, dz, own, solution = z.copy(), status.copy(), np.empty((nc, 3)), np.empty(k), np.inf
     found, K = law(z, mu, rho, status)
     changes = np.empty((room, k), dtype=unknowns.dtype), np.empty((room, k)), np.empty((room, n)), np.empty(room)
