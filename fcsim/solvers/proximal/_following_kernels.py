@@ -301,14 +301,14 @@ def follow_in_velocities(
             if pivot < SMALL_PIVOT:
                 look, solution = True, np.inf
         else:
-            count = -1
+            count = np.int64(-1)
         if count < 0:
             found, K = law(z, mu, rho, status)
             shares = masses.copy()
             add_shares_to_rows(shares, places, rows, K)
             if not factorise_single(plan, first, starts, offsets, shares, values, borders, pivots):
                 return SINGULAR, pieces, z, V, status
-            count, way, look = 0, sign_single(first, starts, offsets, values, pivots), True
+            count, way, look = np.int64(0), sign_single(first, starts, offsets, values, pivots), True
             solution = np.inf
         if look:
             rest, since = 1.0 / max(1.0 - t, least_rest), 0
