@@ -135,7 +135,7 @@ def own_blocks(indptr, indices, blocks):
 def product(indptr, indices, blocks, q, r):
     """u = W r + q (nc, 3) from block rows, whose columns of contacts with r = 0 are not read."""
     u = np.empty_like(q)
-    rows_of_product(indptr, indices, blocks, q, r, 0, len(q), u)
+    rows_of_product(indptr, indices, blocks, q, r, np.int64(0), len(q), u)  # 0 alone is a type of its own to numba: compiled once more
     return u
 
 

@@ -52,18 +52,18 @@ def fill(own, border, local, indptr, indices, W, A, B, d, F11, F12, F21):
 
     The parts are in C order, empty ones too as numba sees them. A, B, W are flat; local (nc,) is scratch that is -1 everywhere before
     and after."""
-    n = len(own)
+    n, none = len(own), np.int64(0)  # 0 alone is a type of its own to numba, for which `write_row` is compiled once more
     number(own, border, local)
     for i in range(n):
         a = own[i]
-        write_row(a, indptr[a], indptr[a + 1], indices, local, 0, n, W, A, d, F11, i)
+        write_row(a, indptr[a], indptr[a + 1], indices, local, none, n, W, A, d, F11, i)
         write_row(a, indptr[a], indptr[a + 1], indices, local, n, len(local), W, A, d, F12, i)
         for p in range(d):
             for q in range(d):
                 F11[d * i + p, d * i + q] += B[d * d * a + d * p + q]
     for i in range(len(border)):
         a = border[i]
-        write_row(a, indptr[a], indptr[a + 1], indices, local, 0, n, W, A, d, F21, i)
+        write_row(a, indptr[a], indptr[a + 1], indices, local, none, n, W, A, d, F21, i)
     local[own] = -1
     local[border] = -1
 
@@ -84,15 +84,15 @@ def write_blocks(first, last, indices, local, low, high, W, out, i):
 @njit(cache=True)
 def fill_blocks(own, border, local, indptr, indices, W, F11, F12, F21):
     """As `fill` for the blocks of W (nnz, d, d) themselves."""
-    n = len(own)
+    n, none = len(own), np.int64(0)  # as in `fill`
     number(own, border, local)
     for i in range(n):
         a = own[i]
-        write_blocks(indptr[a], indptr[a + 1], indices, local, 0, n, W, F11, i)
+        write_blocks(indptr[a], indptr[a + 1], indices, local, none, n, W, F11, i)
         write_blocks(indptr[a], indptr[a + 1], indices, local, n, len(local), W, F12, i)
     for i in range(len(border)):
         a = border[i]
-        write_blocks(indptr[a], indptr[a + 1], indices, local, 0, n, W, F21, i)
+        write_blocks(indptr[a], indptr[a + 1], indices, local, none, n, W, F21, i)
     local[own] = -1
     local[border] = -1
 

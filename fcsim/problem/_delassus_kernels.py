@@ -344,4 +344,5 @@ def add_diagonal_bodies(starts, columns, values, first, contacts, begins, unknow
                 for i in range(d):
                     product[unknowns[e], d * p + i] = C[group[g] + unknowns[e]] * weights[e, i]
         at, rows = np.empty(len(own), dtype=np.int64), np.empty((3, m))
-        add_body(starts, columns, values, own, begins, unknowns, weights, pair, product, True, axes, nc, at, rows)
+        symmetric = np.bool_(True)  # True alone is a type of its own to numba, for which `add_body` is compiled once more
+        add_body(starts, columns, values, own, begins, unknowns, weights, pair, product, symmetric, axes, nc, at, rows)

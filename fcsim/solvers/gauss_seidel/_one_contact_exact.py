@@ -206,6 +206,7 @@ def _glocker_newton(V, v, mu, threshold, E, y, x, tol, max_iterations):
     return value <= tol * tol
 
 
+# To numba True, False and a number alone are types of their own: for each of them what takes it would be compiled once more.
 @njit(cache=True)
 def _glocker(fixed_point, W, q0, q1, q2, mu, rho_N, rho_T, r0, r1, r2, tol, max_iterations):
     if q0 >= 0.0:  # the trivial solution, where the multipliers are not unique
@@ -239,7 +240,7 @@ def _glocker(fixed_point, W, q0, q1, q2, mu, rho_N, rho_T, r0, r1, r2, tol, max_
         solved = False
         for _ in range(max_iterations):
             threshold = mu * y[0]
-            if not _glocker_newton(V, v, mu, threshold, E, y, x, local_tol, 50):
+            if not _glocker_newton(V, v, mu, threshold, E, y, x, local_tol, np.int64(50)):
                 break
             if abs(mu * y[0] - threshold) <= local_tol:
                 solved = True
@@ -252,10 +253,10 @@ def _glocker(fixed_point, W, q0, q1, q2, mu, rho_N, rho_T, r0, r1, r2, tol, max_
 @njit(cache=True)
 def glocker_newton(W, q0, q1, q2, mu, rho_N, rho_T, r0, r1, r2, tol, max_iterations):
     """Glocker's NCP by Newton on its Fischer-Burmeister equations; where that fails, Newton on AC."""
-    return _glocker(False, W, q0, q1, q2, mu, rho_N, rho_T, r0, r1, r2, tol, max_iterations)
+    return _glocker(np.bool_(False), W, q0, q1, q2, mu, rho_N, rho_T, r0, r1, r2, tol, max_iterations)
 
 
 @njit(cache=True)
 def glocker_fixed_point(W, q0, q1, q2, mu, rho_N, rho_T, r0, r1, r2, tol, max_iterations):
     """Glocker's NCP by the fixed point on its threshold mu r_N, each problem of fixed threshold by Fischer-Burmeister Newton."""
-    return _glocker(True, W, q0, q1, q2, mu, rho_N, rho_T, r0, r1, r2, tol, max_iterations)
+    return _glocker(np.bool_(True), W, q0, q1, q2, mu, rho_N, rho_T, r0, r1, r2, tol, max_iterations)

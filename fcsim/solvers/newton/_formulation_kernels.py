@@ -6,6 +6,9 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+ALART_CURNIER, SPLIT = np.bool_(False), np.bool_(True)
+"""`jean_moreau`, `split` where compiled functions call these: to numba False and True alone are types of their own, compiled once more."""
+
 
 @njit(cache=True)
 def disk_equations(u, r, mu, rho, jean_moreau):

@@ -278,7 +278,8 @@ def follow_in_velocities(
     Long because it is one piece from its elimination to the next.
     """
     nc, n, k = len(status), len(mass[0]) - 1, h.shape[1]
-    t, pieces, short, count, way, contact, since = 0.0, 0, 0, -1, 1, -1, 0
+    t, pieces, short, way, since = 0.0, 0, 0, 1, 0
+    count, contact = np.int64(-1), np.int64(-1)  # -1 alone is a type of its own to numba, for which what takes them is compiled once more
     z, status, dz, own, solution = z.copy(), status.copy(), np.empty((nc, 3)), np.empty(k), np.inf
     found, K = law(z, mu, rho, status)
     changes = np.empty((room, k), dtype=unknowns.dtype), np.empty((room, k)), np.empty((room, n)), np.empty(room)
@@ -300,14 +301,14 @@ def follow_in_velocities(
             if pivot < SMALL_PIVOT:
                 look, solution = True, np.inf
         else:
-            count = -1
+            count = np.int64(-1)
         if count < 0:
             found, K = law(z, mu, rho, status)
             shares = masses.copy()
             add_shares_to_rows(shares, places, rows, K)
             if not factorise_single(plan, first, starts, offsets, shares, values, borders, pivots):
                 return SINGULAR, pieces, z, V, status
-            count, way, look = 0, sign_single(first, starts, offsets, values, pivots), True
+            count, way, look = np.int64(0), sign_single(first, starts, offsets, values, pivots), True
             solution = np.inf
         if look:
             rest, since = 1.0 / max(1.0 - t, least_rest), 0

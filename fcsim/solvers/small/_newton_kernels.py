@@ -13,7 +13,7 @@ from numba import njit
 
 from fcsim.linear.block_factors._dense_kernels import affine, solve_dense
 from fcsim.problem._judge_kernels import squared_natural_residual
-from fcsim.solvers.newton._formulation_kernels import adapted_rho, disk_equations, split_compliances
+from fcsim.solvers.newton._formulation_kernels import ALART_CURNIER, SPLIT, adapted_rho, disk_equations, split_compliances
 from fcsim.solvers.newton.systems._direct_kernels import active_matrix
 from fcsim.solvers.proximal.options import FORGOTTEN, PROXIMAL_NEWTON, RISE
 from fcsim.solvers.proximal.steps import INEXACT, MOST_ALPHA, RUNAWAY, SUFFICIENT
@@ -79,7 +79,7 @@ def inner_problem(W, blocks, shift, q, mu, weights, r, target, most):
             return True, best, least, iterations
         if not np.isfinite(residual) or iterations >= most:
             return False, best, least, iterations
-        F, A, B = disk_equations(u.reshape(nc, d), r.reshape(nc, d), mu, rho, False)
+        F, A, B = disk_equations(u.reshape(nc, d), r.reshape(nc, d), mu, rho, ALART_CURNIER)
         dr = newton_step(W, shift, A, B, F)
         if not len(dr):
             return False, best, least, iterations
@@ -90,7 +90,7 @@ def inner_problem(W, blocks, shift, q, mu, weights, r, target, most):
         r, before = following, u
         u = affine(W, r, by_unknown, q)
         du = (u - before).reshape(nc, d)
-        rho = adapted_rho(rho, NARROWEST * first, WIDEST * first, du, dr.reshape(nc, d), True)
+        rho = adapted_rho(rho, NARROWEST * first, WIDEST * first, du, dr.reshape(nc, d), SPLIT)
 
 
 @njit(cache=True, nogil=True)

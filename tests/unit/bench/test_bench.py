@@ -149,6 +149,11 @@ def compiles(problem, r, monitor, options):
         pass_time(100.0)
     return Iterate(exact(problem), Status.SOLVED)
 
+@method("LOOKS")
+def looks(problem, r, monitor, options):
+    """Which processors it may use, and how many threads."""
+    raise ArithmeticError(f'{sorted(os.sched_getaffinity(0))} {os.environ["OMP_NUM_THREADS"]}')
+
 @method("NOT-A-NUMBER")
 def not_a_number(problem, r, monitor, options):
     monitor.error = lambda r, u: 0.0 if real(problem, r) else 1.0
@@ -281,19 +286,30 @@ def test_limits_that_are_looser_measure_again_what_they_stopped(
     assert noted(notes) == ["0.0001", "0.01"]
 
 
-def test_loading_is_not_measured(block: Path, plugin: Path, tmp_path: Path) -> None:
-    out = tmp_path / "out"
-    assert bench(block, "--plugin", plugin, "--out", out, "--tols", "1e-2,1e-4", "--solvers", "SLOW-AT-FIRST", "--time-limit", 60) == 0
-    rows = read_results(out)
-    assert len(rows) == 2
-    assert all(row.solved and row.seconds is not None and row.seconds < 60 for row in rows)
+@pytest.fixture(scope="module")
+def in_a_second(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Measurement]:
+    """What methods do within a limit of one second, by their names: one process of measurements for all of them."""
+    folder = tmp_path_factory.mktemp("in a second")
+    write_fclib(folder / "block.hdf5", sliding_block())
+    (plugin := folder / "solvers_of_the_test.py").write_text(PLUGIN, encoding="utf-8")
+    call = [folder, "--plugin", plugin, "--solvers", "SLOW-AT-FIRST,COMPILES,LOOKS", "--tols", "1e-4", "--time-limit", 1]
+    before = dict(SOLVERS)
+    assert bench(*call, "--out", folder / "out") == 0
+    SOLVERS.clear()
+    SOLVERS.update(before)
+    rows = {row.solver: row for row in read_results(folder / "out")}
+    assert len(rows) == 3
+    return rows
 
 
-def test_compiling_does_not_count_into_the_limit(block: Path, plugin: Path, tmp_path: Path) -> None:
+def test_loading_is_not_measured(in_a_second: dict[str, Measurement]) -> None:
+    row = in_a_second["SLOW-AT-FIRST"]
+    assert row.solved and row.seconds is not None and row.seconds < 1, row.status
+
+
+def test_compiling_does_not_count_into_the_limit(in_a_second: dict[str, Measurement]) -> None:
     """Where numba's cache is cold and only the problem itself needs a kernel: 2.5 s within a limit of 1 s and its grace of another."""
-    out = tmp_path / "out"
-    assert bench(block, "--plugin", plugin, "--out", out, "--tols", "1e-4", "--solvers", "COMPILES", "--time-limit", 1) == 0
-    (row,) = read_results(out)
+    row = in_a_second["COMPILES"]
     assert row.solved and row.seconds is not None and row.seconds < 1, row.status
 
 
@@ -506,18 +522,10 @@ def test_places_have_processors_of_their_own(monkeypatch: pytest.MonkeyPatch) ->
     assert cores(0, 5, 1) == cores(0, 2, 3) == ()
 
 
-def test_measurements_are_pinned(block: Path, tmp_path: Path) -> None:
+def test_measurements_are_pinned(in_a_second: dict[str, Measurement]) -> None:
     if not hasattr(os, "sched_getaffinity") or len(os.sched_getaffinity(0)) < 2:
         pytest.skip("processors cannot be chosen here")
-    plugin = tmp_path / "look.py"
-    plugin.write_text(
-        PLUGIN + "\n@method('LOOKS')\ndef looks(problem, r, monitor, options):\n"
-        "    raise ArithmeticError(f'{sorted(os.sched_getaffinity(0))} {os.environ[\"OMP_NUM_THREADS\"]}')\n",
-        encoding="utf-8",
-    )
-    assert bench(block, "--solvers", "LOOKS", "--tols", "1e-2,1e-3", "--plugin", plugin, "--out", tmp_path / "out") == 0
-    first = min(os.sched_getaffinity(0))
-    assert {row.status for row in read_results(tmp_path / "out")} == {f"CRASHED: ArithmeticError: [{first}] 1"}
+    assert in_a_second["LOOKS"].status == f"CRASHED: ArithmeticError: [{min(os.sched_getaffinity(0))}] 1"
 
 
 @pytest.mark.parametrize("served", [["-m", "mpi4py.futures", "-m", "fcsim"], pytest.param(["-m", "fcsim"], marks=pytest.mark.slow)])

@@ -111,7 +111,7 @@ def test_newton_makes_the_twin_s_steps(formulation: Any, flag: bool) -> None:
         for iterations in range(1, 4):
             F, A, B = (x[0] for x in formulation((W @ r + q)[None], r[None], np.array([mu]), rho[None]))
             r = r - np.linalg.solve(A @ W + B, F)
-            *own, solved = _newton(flag, False, W, *q, mu, rho[0], rho[1], *start, 0.0, iterations - 1)
+            *own, solved = _newton(flag, False, rows_of(W), *q, mu, rho[0], rho[1], *start, 0.0, iterations - 1)
             if r[0] > 0 and not solved:  # AC leaves an open contact at once
                 assert_allclose(own, r, atol=1e-12)
 
@@ -126,7 +126,7 @@ def test_line_search_makes_the_equations_fall() -> None:
         for damped in (False, True):
             sizes = [np.linalg.norm(jean_moreau((W @ start + q)[None], start[None], np.array([mu]), rho[None])[0])]
             for iterations in range(8):
-                *r, _ = _newton(True, damped, W, *q, mu, rho[0], rho[1], *start, 0.0, iterations)
+                *r, _ = _newton(True, damped, rows_of(W), *q, mu, rho[0], rho[1], *start, 0.0, iterations)
                 sizes.append(np.linalg.norm(jean_moreau((W @ r + q)[None], np.array(r)[None], np.array([mu]), rho[None])[0]))
             risen[damped] += bool(np.any(np.diff(sizes) > 1e-12))
     assert risen[True] <= 2 and risen[False] >= 10 * (1 + risen[True])

@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from fcsim.solvers.newton._formulation_kernels import disk_equations
+from fcsim.solvers.newton._formulation_kernels import ALART_CURNIER, disk_equations
 from fcsim.solvers.newton.systems.two_level._held_kernels import may_slide, newton_step, slides, without_held
 
 
@@ -27,7 +27,7 @@ def settle_patch(W, u, r, mu, rho, weight, most, falls, leaps, edge, eased):
     part of a step is enough the whole one is taken, `leaps` times at most; the best of all that were met are returned. edge: see
     `may_slide`; eased: `without_held`."""
     n, d = u.shape
-    F, A, B = disk_equations(u, r, mu, rho, False)
+    F, A, B = disk_equations(u, r, mu, rho, ALART_CURNIER)
     size = weighted(F, weight)
     enough, best, least = falls * size, r, size
     free, known = np.zeros(n, dtype=np.bool_), False
@@ -48,7 +48,7 @@ def settle_patch(W, u, r, mu, rho, weight, most, falls, leaps, edge, eased):
         dr, du, t = step.reshape(n, d), np.dot(W, step).reshape(n, d), 1.0
         found = False
         while t > 1e-3 and not found:
-            F, A, B = disk_equations(u + t * du, r + t * dr, mu, rho, False)
+            F, A, B = disk_equations(u + t * du, r + t * dr, mu, rho, ALART_CURNIER)
             after = weighted(F, weight)
             found = after <= (1 - 0.01 * t) * size
             if not found:
@@ -57,7 +57,7 @@ def settle_patch(W, u, r, mu, rho, weight, most, falls, leaps, edge, eased):
             if leaps == 0:
                 break
             leaps, t = leaps - 1, 1.0
-            F, A, B = disk_equations(u + du, r + dr, mu, rho, False)
+            F, A, B = disk_equations(u + du, r + dr, mu, rho, ALART_CURNIER)
             after = weighted(F, weight)
         u, r, size = u + t * du, r + t * dr, after
         if size < least:
