@@ -1,4 +1,4 @@
-"""A strip bent on a round former, beside the beam: what lies round the former has its curvature and no shear, and bears at its end alone."""
+"""A strip bent on a round former, beside the beam: what lies round it has its curvature and no shear, and bears at its end alone."""
 
 from __future__ import annotations
 

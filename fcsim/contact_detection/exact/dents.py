@@ -27,7 +27,7 @@ _ROUND = 1e-9  # of a length
 class Dents(NamedTuple):
     """touch: vertices under round bodies, gaps up to the alert; pressed (k,): solid * n_nodes + node of those that touch, ascending.
 
-    close (m,): the same of those no farther than the height of the round body over a chord, ascending; near (m,) [m]: what touches there."""
+    close (m,): the same of those no farther than the height of the round body over a chord; near (m,) [m]: gaps that touch there."""
 
     touch: Touch
     pressed: IntArray
@@ -79,9 +79,9 @@ def vertices_under(now: Placed, skin: MeshSkin, x: FloatArray, alert: float) -> 
 def beside(touch: Touch, dents: Dents, solids_of_body: IntArray, n_nodes: int) -> BoolArray:
     """Which minima (n,) stay beside these vertices: those that are not at one of them nor on a facet or edge that is dented.
 
-    solids_of_body (n_bodies,): the numbers of bodies among the solids, -1 = none. Where the minima of as many facets around a vertex as there
-    are directions touch, the skin is dented: a skin that lies round the body would stay on the middles of its chords, its vertices a chord's
-    height off, which bends what is clamped where a facet ends (a strip on a former of 500 times its thickness: 8 times its force).
+    solids_of_body (n_bodies,): the numbers of bodies among the solids, -1 = none. Where the minima of as many facets around a vertex as
+    there are directions touch, the skin is dented: what lies round the body would stay on the middles of its chords, its vertices a
+    chord's height off, which bends what is clamped there.
     """
 
     def keys(t: Touch) -> IntArray:
