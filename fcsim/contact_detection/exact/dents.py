@@ -25,10 +25,14 @@ _ROUND = 1e-9  # of a length
 
 
 class Dents(NamedTuple):
-    """touch: vertices under round bodies, gaps up to the alert; pressed (k,): solid * n_nodes + node of those that touch, ascending."""
+    """touch: vertices under round bodies, gaps up to the alert; pressed (k,): solid * n_nodes + node of those that touch, ascending.
+
+    close (m,): the same of those no farther than the height of the round body over a chord; near (m,) [m]: gaps that touch there."""
 
     touch: Touch
     pressed: IntArray
+    close: IntArray
+    near: FloatArray
 
 
 def vertices_under(now: Placed, skin: MeshSkin, x: FloatArray, alert: float) -> Dents:
@@ -57,7 +61,10 @@ def vertices_under(now: Placed, skin: MeshSkin, x: FloatArray, alert: float) -> 
     keep = (longest <= FINE * solids.radius[k]) & (facing > _FACING) & (~flat | (facing >= by_end))
     k, v, s, direction, gap, longest = (array[keep] for array in (k, v, s, direction, gap, longest))
     node, radius = skin.vertices[v], solids.radius[k]
-    pressed = np.unique((k * len(x) + node)[gap <= _SAG * longest**2 / (8 * radius)])
+    key, height = k * len(x) + node, longest**2 / (8 * radius)
+    pressed = np.unique(key[gap <= _SAG * height])
+    close, first = np.unique(key[gap <= (1 + _SAG) * height], return_index=True)
+    near = _SAG * height[gap <= (1 + _SAG) * height][first]
     point = now.centre[k] + s[:, None] * now.along[k] - radius[:, None] * direction
     nodes, weights = np.full((len(v), x.shape[1]), -1), np.zeros((len(v), x.shape[1]))
     nodes[:, 0], weights[:, 0] = node, 1.0
@@ -65,13 +72,16 @@ def vertices_under(now: Placed, skin: MeshSkin, x: FloatArray, alert: float) -> 
     body[skin.vertex] = skin.body[:, None]
     bodies = np.stack([solids.body[k], body[v]], axis=1)
     identity = k * len(skin.vertices) + v
-    return Dents(Touch(direction, point, x[node], solids.node[k], now.weights(k, point), nodes, weights, bodies, identity), pressed)
+    touch = Touch(direction, point, x[node], solids.node[k], now.weights(k, point), nodes, weights, bodies, identity)
+    return Dents(touch, pressed, close, near)
 
 
 def beside(touch: Touch, dents: Dents, solids_of_body: IntArray, n_nodes: int) -> BoolArray:
     """Which minima (n,) stay beside these vertices: those that are not at one of them nor on a facet or edge that is dented.
 
-    solids_of_body (n_bodies,): the numbers of bodies among the solids, -1 = none.
+    solids_of_body (n_bodies,): the numbers of bodies among the solids, -1 = none. Where the minima of as many facets around a vertex as
+    there are directions touch, the skin is dented: what lies round the body would stay on the middles of its chords, its vertices a
+    chord's height off, which bends what is clamped there.
     """
 
     def keys(t: Touch) -> IntArray:
@@ -81,7 +91,13 @@ def beside(touch: Touch, dents: Dents, solids_of_body: IntArray, n_nodes: int) -
     corners = keys(touch)
     at_one = touch.master_weights > 1 - _ROUND
     own = np.isin(np.where(at_one, corners, -1), keys(dents.touch)[:, 0]).any(axis=1)
-    return ~(own | np.isin(corners, dents.pressed).any(axis=1))
+    within = np.where(at_one.any(axis=1)[:, None], -1, corners)
+    place = np.minimum(np.searchsorted(dents.close, within), max(len(dents.close) - 1, 0))
+    bears = np.zeros(place.shape, dtype=bool)
+    if len(dents.close):
+        bears = (dents.close[place] == within) & (touch.gap[:, None] <= dents.near[place])
+    wrapped = dents.close[np.bincount(place[bears], minlength=len(dents.close)) >= touch.normal.shape[1]]
+    return ~(own | np.isin(corners, np.concatenate([dents.pressed, wrapped])).any(axis=1))
 
 
 def around(skin: MeshSkin, x: FloatArray, v: IntArray, direction: FloatArray, end: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
