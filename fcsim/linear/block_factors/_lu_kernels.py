@@ -25,6 +25,23 @@ def mirrored(indptr, indices):
     return mirror
 
 
+@njit(cache=True)
+def pivoted(F, n1, k, pivots):
+    """Exchange row k of a front, n1 rows of which are its own, with the row pivots[k] >= k of these whose entry in column k is largest;
+    False: singular."""
+    p, largest = k, abs(F[k, k])
+    for i in range(k + 1, n1):
+        if abs(F[i, k]) > largest:
+            p, largest = i, abs(F[i, k])
+    if not 0.0 < largest < np.inf:
+        return False
+    pivots[k] = p
+    if p != k:
+        for j in range(F.shape[1]):
+            F[k, j], F[p, j] = F[p, j], F[k, j]
+    return True
+
+
 @njit(cache=True, fastmath={"contract"})
 def eliminate(F, n1, pivots):
     """LU of the first n1 columns of a front F (n, n) in place, rows n1 on less their products; False: singular.
@@ -35,16 +52,8 @@ def eliminate(F, n1, pivots):
     for k0 in range(0, n1, WIDTH):
         k1 = min(k0 + WIDTH, n1)
         for k in range(k0, k1):
-            p, largest = k, abs(F[k, k])
-            for i in range(k + 1, n1):
-                if abs(F[i, k]) > largest:
-                    p, largest = i, abs(F[i, k])
-            if not 0.0 < largest < np.inf:
+            if not pivoted(F, n1, k, pivots):
                 return False
-            pivots[k] = p
-            if p != k:
-                for j in range(n):
-                    F[k, j], F[p, j] = F[p, j], F[k, j]
             row, scale = F[k], 1.0 / F[k, k]
             for i in range(k + 1, n):
                 f = F[i, k] * scale

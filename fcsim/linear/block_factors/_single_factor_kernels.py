@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from fcsim.linear.block_factors._lu_kernels import BY_BLAS
+from fcsim.linear.block_factors._lu_kernels import BY_BLAS, pivoted
 
 
 @njit(cache=True, nogil=True)
@@ -81,18 +81,9 @@ def eliminate_own(own, below, rest, pivots):
     Long because it has its loops written out, for two and four rows at a time: these are loaded and stored less often.
     """
     n1, n2 = below.shape
-    n = n1 + n2
     for k in range(n1):
-        p, largest = k, abs(own[k, k])
-        for i in range(k + 1, n1):
-            if abs(own[i, k]) > largest:
-                p, largest = i, abs(own[i, k])
-        if not 0.0 < largest < np.inf:
+        if not pivoted(own, n1, k, pivots):
             return False
-        pivots[k] = p
-        if p != k:
-            for j in range(n):
-                own[k, j], own[p, j] = own[p, j], own[k, j]
         scale, row = 1.0 / own[k, k], own[k, k + 1 :]
         for i in range(k + 1, n1):
             f = own[i, k] * scale

@@ -26,7 +26,7 @@ FACES = 1.3
 of boxes, at most 1.2 in beds of rocks with up to three points a pair."""
 UNLIKE = 1e3
 """Largest of the contacts' compliances over the least from which the bodies are of unlike masses: 1e6 and more where masses differ as much,
-6 to 300 in beds of discs, spheres, rocks."""
+6 to 70 in beds of discs, spheres and large friction, 140 to 620 of rocks and noise."""
 KEPT_UP_TO = 20000
 """Contacts up to which sweeps are NNCG from the beginning."""
 

@@ -97,6 +97,12 @@ def split_compliances(W):
 
 
 @njit(cache=True)
+def rho_factor(stretch, size):
+    """By what rho is multiplied for a step with rho ||du|| = stretch and ||dr|| = size, see `scaling.adapt_rho`."""
+    return 2.0 / 3.0 if stretch > 0.9 * size else 1.5 if stretch < 0.3 * size else 1.0
+
+
+@njit(cache=True)
 def adapted_rho(rho, least, most, du, dr, split):
     """rho (nc, d) of `scaling.adapt_rho` between least and most (nc, d), for the steps du, dr (nc, d)."""
     nc, d = rho.shape
@@ -110,7 +116,7 @@ def adapted_rho(rho, least, most, du, dr, split):
             if begin >= end:
                 continue
             stretch, r_size = rho[a, begin] * np.sqrt(u_size), np.sqrt(r_size)
-            factor = 2.0 / 3.0 if stretch > 0.9 * r_size else 1.5 if stretch < 0.3 * r_size else 1.0
+            factor = rho_factor(stretch, r_size)
             for i in range(begin, end):
                 adapted[a, i] = min(max(rho[a, i] * factor, least[a, i]), most[a, i])
     return adapted

@@ -10,6 +10,7 @@ from fcsim.linear.block_factors._dense_kernels import solve_dense
 from fcsim.linear.block_factors._single_factor_kernels import factorise_single
 from fcsim.linear.block_factors._single_kernels import solve_single
 from fcsim.problem._judge_kernels import squared_natural_residual
+from fcsim.solvers.newton._formulation_kernels import rho_factor
 from fcsim.solvers.newton.systems._velocity_kernels import add_shares, add_shares_to_rows
 
 ON_ITS_WAY, ARRIVED, SINGULAR, STILL, ENDLESS = 0, 1, 2, 3, 4
@@ -134,7 +135,7 @@ def adapted(rho, least, most, du, dr):
             stretch, size = rho[a, i] * np.sqrt(u_size), np.sqrt(r_size)
             if i == 0:
                 stretch, size = rho[a, 0] * abs(du[a, 0]), abs(dr[a, 0])
-            factor = 2.0 / 3.0 if stretch > 0.9 * size else 1.5 if stretch < 0.3 * size else 1.0
+            factor = rho_factor(stretch, size)
             rho[a, i] = min(max(rho[a, i] * factor, least[a, i]), most[a, i])
 
 
