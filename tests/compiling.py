@@ -1,4 +1,4 @@
-"""What processes of tests do where numba compiles: each function once among them, and without what is dear and not tested.
+"""What processes of tests do where numba compiles: each function once among them.
 
 As a program: `python tests/compiling.py SCRIPT ...` runs a script so, as pytest's workers run tests.
 """
@@ -16,26 +16,6 @@ from typing import Any
 from zlib import crc32
 
 LOCKS = Path(__file__).parents[1] / ".pytest_cache"
-
-
-def refuse_shapes_in_few_words() -> None:
-    """A compiled `a[i] = b` whose shapes differ raises ValueError with numba's short message, the one that it has for other targets. The
-    long one, which names the shapes, brings all of numba's texts into each such function, and into those that call it: two seconds in
-    each process that compiles, and then half of a small function's time."""
-    from numba.core.extending import overload
-    from numba.np import arrayobj
-
-    def refused(given: Any, expected: Any) -> None:
-        raise NotImplementedError
-
-    @overload(refused)
-    def refusal(given: Any, expected: Any) -> Any:
-        def refuse(given: Any, expected: Any) -> None:
-            raise ValueError("cannot assign slice from input of different size")
-
-        return refuse
-
-    arrayobj.raise_with_shape_context = refused
 
 
 def compile_once(folder: Path) -> None:
@@ -74,7 +54,6 @@ def main(program: str, *arguments: str) -> None:
     import fcsim  # noqa: F401 - before NumPy, whose threads it limits
 
     compile_once(LOCKS)
-    refuse_shapes_in_few_words()
     sys.argv = [program, *arguments]
     sys.path[0] = str(Path(program).parent)
     runpy.run_path(program, run_name="__main__")

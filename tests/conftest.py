@@ -16,7 +16,7 @@ import hypothesis
 import pytest
 
 import fcsim  # noqa: F401
-from tests.compiling import LOCKS, compile_once, refuse_shapes_in_few_words
+from tests.compiling import LOCKS, compile_once
 
 hypothesis.settings.register_profile("no clock", deadline=None)  # what is compiled first would be late
 hypothesis.settings.load_profile("no clock")
@@ -109,7 +109,5 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> object:
 
 def pytest_configure(config: pytest.Config) -> None:
     gc.set_threshold(2000, 10, 100)
-    if hasattr(config, "workerinput") or not config.getoption("numprocesses", None):  # not what only hands tests to workers
-        refuse_shapes_in_few_words()
     if hasattr(config, "workerinput"):
         compile_once(LOCKS)

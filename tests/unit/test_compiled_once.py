@@ -1,14 +1,14 @@
-"""Of two workers that need one function at the same time, one compiles it and the functions that it calls; and what slices of other
-shapes are refused by is compiled quickly (tests/compiling.py)."""
+"""Of two workers that need one function at the same time, one compiles it and the functions that it calls (tests/compiling.py); what they
+keep serves other programs."""
 
 import os
+import subprocess
 import sys
 import time
 from collections.abc import Callable
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 
-import numba
 import numpy as np
 import pytest
 from numba.core import event
@@ -77,12 +77,15 @@ def test_two_processes_compile_a_function_once(tmp_path: Path, monkeypatch: pyte
     assert codes == [0, 2]  # outer and inner by one of them, nothing by the other
 
 
-def test_slices_of_other_shapes_are_refused_without_texts() -> None:
-    """By the message that holds no number, which would have to be written."""
-
-    @numba.njit
-    def put(a: np.ndarray, b: np.ndarray) -> None:
-        a[0] = b
-
-    with pytest.raises(ValueError, match=r"^cannot assign slice from input of different size$"):
-        put(np.zeros((2, 3)), np.zeros(2))
+def test_what_tests_compile_is_loaded_without_them(tmp_path: Path) -> None:
+    """Caches are shared with users' runs, whose programs have no package `tests`: none of its code may be within what is kept."""
+    (tmp_path / "put.py").write_text("import numba\n\n@numba.njit(cache=True)\ndef put(a, b):\n    a[0] = b\n", encoding="utf-8")
+    spec = spec_from_file_location("put", tmp_path / "put.py")
+    assert spec is not None and spec.loader is not None
+    kernels = module_from_spec(spec)
+    sys.modules["put"] = kernels
+    spec.loader.exec_module(kernels)
+    kernels.put(np.zeros((2, 3)), np.zeros(3))
+    assert kernels.put.stats.cache_misses
+    code = "import numpy, put; put.put(numpy.zeros((2, 3)), numpy.zeros(3)); assert put.put.stats.cache_hits, put.put.stats"
+    subprocess.run([sys.executable, "-P", "-c", code], env=os.environ | {"PYTHONPATH": str(tmp_path)}, cwd=tmp_path, check=True)
