@@ -3,9 +3,9 @@
     python benchmarks/ablation.py --out ablation.csv [--fclib FOLDER] [--sizes 60 240] [--seeds 0] [--limit 5]
     python benchmarks/ablation.py --out beside.csv --beside 5 [...]
 
-Writes a row a solve (processor time, the least of three) and prints two Markdown tables, those of docs/auto.md. A stage that no problem
-needs has no place in `auto`: without it as many are solved, in no more time. With `--beside` no stage is left out, and a named method gets
-so many times the seconds that `auto` took, 0.1 at least: enough to see who is faster, on more problems.
+Writes a row a solve (processor time, the least of three) and prints two Markdown tables, those of docs/measures/auto_beside_named.md.
+A stage that no problem needs has no place in `auto`: without it as many are solved, in no more time. With `--beside` no stage is left out,
+and a named method gets so many times the seconds that `auto` took, 0.1 at least: enough to see who is faster, on more problems.
 """
 
 from __future__ import annotations

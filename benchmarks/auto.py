@@ -1,4 +1,4 @@
-"""`auto` beside named methods on families of made problems and on FCLIB files: the judgement of docs/auto.md.
+"""`auto` beside named methods on families of made problems and on FCLIB files: the judgement of docs/measures/auto_beside_named.md.
 
     python benchmarks/auto.py --out judged.jsonl --seeds 1551 1552 --sizes 300 600 --tols 1e-4 1e-8
     python benchmarks/auto.py --out judged.jsonl --seeds 1553 --sizes 2000 --tols 1e-4 --families rocks boxes
@@ -177,7 +177,7 @@ class Judged:
         return pairs
 
     def cells(self) -> list[str]:
-        """solved, ms, family, each, worst, as in docs/auto.md."""
+        """solved, ms, family, each, worst, as in docs/measures/auto_beside_named.md."""
         family, each = self.family(), self.each()
         long = [(auto / least, name, problem) for auto, least, name, problem in each if auto > ABOVE]
         ratio, name, problem = max(long, default=(0.0, "", ""))

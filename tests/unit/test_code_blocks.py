@@ -15,7 +15,7 @@ from fcsim.command_line.main import _parser
 ROOT = Path(__file__).parents[2]
 PAGES = sorted([ROOT / "README.md", ROOT / "CONTRIBUTING.md", *(ROOT / "docs").glob("*.md"), *(ROOT / "docs").glob("[a-z]*/*.md")])
 EVERYWHERE = sorted([*PAGES, *(ROOT / "cases").glob("*/README.md")])
-CHEAP = ("formulation", "schemes", "choose_a_solver", "collections_and_benches", "add_a_contact_law")
+CHEAP = ("auto", "formulation", "schemes", "choose_a_solver", "collections_and_benches", "add_a_contact_law")
 """Pages of solvers alone, or of a few steps of a rigid box: a second together."""
 IN_A_PROCESS_OF_THEIR_OWN = ("add_a_case", "add_a_contact_rule", "add_a_material", "add_a_solver", "from_dolfinx", "masonry")
 """`tests/unit/test_docs.py` runs these."""
