@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from fcsim.arrays import BoolArray, FloatArray
+from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.assembly.kinematics.deformation import Deformation
 from fcsim.assembly.model import Model
 from fcsim.contact_detection.skin.boundary import boundary_of_deformable
@@ -31,6 +31,7 @@ class Corners:
     def __init__(self) -> None:
         self._round: FloatArray | None = None
         self._bore: BoolArray = np.zeros(0, dtype=bool)
+        self._has_round: BoolArray = np.zeros(0, dtype=bool)
         self._taken, self._turned = np.zeros(0), np.zeros(0)
 
     def __call__(self, step: Step, found: Deformation, when: str, said: frozenset[str]) -> dict[str, str]:
@@ -40,6 +41,7 @@ class Corners:
             return {}
         if self._round is None:
             self._round, self._bore = _round_places(model), np.zeros(soft, dtype=bool)
+            self._has_round = np.add.reduceat(self._round[: model.node_offset[soft]], model.node_offset[:soft]) > 0
             self._taken, self._turned = np.zeros(soft), np.zeros(soft)
         if not self._round.any():
             return {}
@@ -62,9 +64,11 @@ class Corners:
         force = step.encounter.forces(step.encounter.reaction(step.result.r))[:, 0]
         rows = np.flatnonzero(force > 0)
         bodies = contacts.bodies[rows]
-        self._bore |= np.isin(np.arange(soft), bodies)
-        rate = np.zeros(soft)
-        rate[self._bore] = [_turning_rate(step, k) for k in np.flatnonzero(self._bore).tolist()]
+        self._bore |= self._has_round & np.isin(np.arange(soft), bodies)
+        rate, those = np.zeros(soft), np.flatnonzero(self._bore)
+        if not len(those):
+            return
+        rate[those] = turning_rates(step.model, step.state.x, step.state.v, those)
         self._turned += step.scheme.h * step.substeps * rate
         down = -meeting.before[rows, 0]
         up = step.encounter.relative(step.state.v).reshape(shape)[rows, 0]
@@ -94,14 +98,25 @@ def _round_places(model: Model) -> FloatArray:
     return longest
 
 
-def _turning_rate(step: Step, number: int) -> float:
-    """[rad/s] How fast a deformable body turns: omega of the rotation about its middle that is nearest to its nodes' velocities."""
-    model = step.model
-    first, end = (int(k) for k in model.node_offset[number : number + 2])
-    dofs = model.dof_of_node[first:end]
-    x, v = model.reference[first:end] + step.state.x[dofs], step.state.v[dofs]
-    x, v = x - x.mean(axis=0), v - v.mean(axis=0)
+def turning_rates(model: Model, x: FloatArray, v: FloatArray, bodies: IntArray) -> FloatArray:
+    """How fast deformable bodies turn, (n,) [rad/s]: |omega| of the rotation about its middle that is nearest to its nodes' velocities.
+
+    x, v: displacement and velocity of all degrees of freedom; bodies (n,): numbers of deformable bodies, n > 0.
+    """
+    first, count = model.node_offset[bodies], model.node_offset[bodies + 1] - model.node_offset[bodies]
+    start = np.cumsum(count) - count
+    nodes = np.repeat(first - start, count) + np.arange(int(count.sum()))
+    dofs = model.dof_of_node[nodes]
+    place, speed = model.reference[nodes] + x[dofs], v[dofs]
+
+    def totals(of_nodes: FloatArray) -> FloatArray:
+        return np.add.reduceat(of_nodes, start, axis=0)
+
+    place, speed = (a - np.repeat(totals(a) / count[:, None], count, axis=0) for a in (place, speed))
     if model.dimension == 2:
-        return abs(float(np.sum(x[:, 0] * v[:, 1] - x[:, 1] * v[:, 0]))) / max(float(np.sum(x * x)), 1e-300)
-    inertia = np.sum(x * x) * np.eye(3) - x.T @ x
-    return float(np.linalg.norm(np.linalg.lstsq(inertia, np.cross(x, v).sum(axis=0), rcond=None)[0]))
+        spin = totals(place[:, 0] * speed[:, 1] - place[:, 1] * speed[:, 0])
+        return np.abs(spin) / np.maximum(totals(np.sum(place * place, axis=1)), 1e-300)
+    square = totals(place[:, :, None] * place[:, None, :])
+    inertia = np.trace(square, axis1=1, axis2=2)[:, None, None] * np.eye(3) - square
+    omega = np.linalg.pinv(inertia, hermitian=True) @ totals(np.cross(place, speed))[:, :, None]
+    return np.linalg.norm(omega[:, :, 0], axis=1)
