@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from copy import deepcopy
 from pathlib import Path
 
 from fcsim.errors import InputError
@@ -16,6 +17,16 @@ _ORIGIN: dict[str, str] = {}
 def plugin_of(solver: str) -> str:
     """SHA-256 of the plugin that a method came with, empty for one of fcsim's own: a changed plugin is another method."""
     return _ORIGIN.get(solver, "")
+
+
+def kept_apart[P](problem: P, run: Callable[..., object], solver: str) -> P:
+    """The problem for a method to work on: a copy where the method is not fcsim's own.
+
+    One that writes into the problem's arrays would else be judged by what it wrote: it would "solve" anything by W = 0. A copy takes the
+    time and memory of one; fcsim's own methods, which write nothing there, have the problem itself.
+    """
+    own = not plugin_of(solver) and getattr(run, "__module__", "").partition(".")[0] == "fcsim"
+    return problem if own else deepcopy(problem)
 
 
 def load_plugins(files: Sequence[str | Path]) -> None:

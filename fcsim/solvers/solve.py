@@ -20,6 +20,7 @@ from fcsim.problem.rolling import GlobalRollingProblem
 from fcsim.runtime import limited_threads
 from fcsim.solvers.base import ERRORS, Iterate, Method, Monitor, Options, Result, Run, Status, checked_limits, choice, override
 from fcsim.solvers.memory import Memory
+from fcsim.solvers.plugins import kept_apart
 from fcsim.solvers.small.door import CONTACTS, LEAST_LIMIT, small
 from fcsim.solvers.solve_rolling import solve_rolling
 from fcsim.solvers.table import method
@@ -90,8 +91,8 @@ def solve_by(
     r = _starting_point(r, given, memory)
     answers = _Answers(given)
     monitor = Monitor(
-        *(given.q, given.mu, given.dimension, tol),
-        compliance=given.compliance if error == "scaled" else None,
+        *(given.q, kept_apart(given.mu, run, solver), given.dimension, tol),
+        compliance=kept_apart(given.compliance, run, solver) if error == "scaled" else None,
         floor=floor,
         time_limit=time_limit,
         start=start,
@@ -102,7 +103,7 @@ def solve_by(
     with np.errstate(over="ignore", invalid="ignore"):  # a diverging method meets infinity: its status says so
         plain = memory is None and not overrides and time_limit >= LEAST_LIMIT
         iterate = _by_the_door(chosen, given, r, monitor, answers, error) if plain else None
-        iterate = iterate or _run(run, form, given.q, r, monitor, options)
+        iterate = iterate or _run(run, kept_apart(form, run, solver), given.q, r, monitor, options)
         return _judged(iterate, given, answers.of(iterate.r), monitor, error, solver, (start, prepared))
 
 

@@ -21,6 +21,7 @@ from fcsim.problem.rolling import (
     reduce_rolling,
 )
 from fcsim.solvers.base import ERRORS, Iterate, Monitor, Options, Result, Run, Status, checked_limits, choice, override
+from fcsim.solvers.plugins import kept_apart
 from fcsim.solvers.table import SOLVERS, method
 
 
@@ -104,7 +105,7 @@ def solve_rolling(
     monitor = monitors[error]
     reduction = time.perf_counter()
     with np.errstate(over="ignore", invalid="ignore"):  # a diverging method meets infinity: its status says so
-        iterate = _run(chosen.run, local, begin / scale, monitor, options)
+        iterate = _run(chosen.run, kept_apart(local, chosen.run, solver), begin / scale, monitor, options)
         r, status = scale * iterate.r, iterate.status
         answer = given.answer(r)
         errors = {name: other.error(iterate.r, scale * answer.u) for name, other in monitors.items()}

@@ -6,11 +6,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import scipy.sparse as sp
 
 from fcsim.command_line.main import main
 from fcsim.errors import InputError
 from fcsim.export_fclib import write_fclib
-from fcsim.problem import LocalProblem
+from fcsim.problem import GlobalProblem, LocalProblem
 from fcsim.solvers import SOLVERS, solve
 from fcsim.solvers.plugins import load_plugins, plugin_of
 
@@ -97,3 +98,47 @@ def test_what_a_method_raises_is_named_with_it(tmp_path: Path, capsys: pytest.Ca
     file = write_fclib(tmp_path / "a.hdf5", STICKS)
     assert main(["solve", str(file), "--plugin", str(path), "--solver", "MINE"]) == 2
     assert capsys.readouterr().err == "fcsim: --solver MINE: the plugin's method raised ArithmeticError: two\n"
+
+
+OVERWRITES = """
+from fcsim.solvers import SOLVERS, Method, Status
+from fcsim.solvers.base import Iterate, Options
+
+def run(problem, r, monitor, options):
+    for W in (problem.W, getattr(problem.W, "data", None), problem.delassus.W):
+        if hasattr(W, "fill"):
+            W.fill(0.0)
+    for array in (problem.q, problem.mu, monitor.mu, monitor.compliance):
+        array[:] = 0.0
+    return Iterate(r, Status.SOLVED)
+
+SOLVERS["OVERWRITES"] = Method(run, Options(), "mine", "this test")
+"""
+
+
+def _pressed(form: str) -> LocalProblem | GlobalProblem:
+    """Two contacts pressed on their support: r = 0 lets them through it."""
+    q = np.array([-1.0, 0.5, 0.0, -1.0, 0.0, 0.5])
+    if form == "global":
+        return GlobalProblem(sp.eye_array(6, format="csc"), sp.eye_array(6, format="csc"), q, np.zeros(6), np.full(2, 0.3))
+    if form == "mixed":
+        return LocalProblem(np.eye(6), q, np.full(2, 0.3), np.zeros((6, 1)), -np.eye(1), np.zeros(1))
+    return LocalProblem(sp.csr_array(np.eye(6)) if form == "sparse" else np.eye(6), q, np.full(2, 0.3))
+
+
+@pytest.mark.parametrize("form", ["dense", "sparse", "mixed", "global"])
+def test_a_method_that_overwrites_the_problem_is_judged_by_what_was_given(
+    form: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path, file = plugin(tmp_path, OVERWRITES), write_fclib(tmp_path / "a.hdf5", _pressed(form))
+    assert main(["solve", str(file), "--plugin", str(path), "--solver", "OVERWRITES", "--json"]) == 1
+    answer = json.loads(capsys.readouterr().out)
+    assert answer["status"] == "STAGNATED" and answer["published_error"] > 0.1  # r = 0 leaves u_N = -1
+    given = _pressed(form)
+    assert not solve(given, "OVERWRITES").solved  # called from Python, too
+    assert solve(given).solved  # and what was given is as it was
+    expected = _pressed(form)
+    assert all(
+        np.array_equal(np.asarray(getattr(given, name)), np.asarray(getattr(expected, name)))
+        for name in ("mu", "w" if form == "global" else "q")
+    )
