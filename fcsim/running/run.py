@@ -141,8 +141,7 @@ def run_case(
         description = describe(case, script, parameters, assignments, asdict(options), read)
     same_case(case, description)
 
-    def opened() -> tuple[tuple[Moment, Moment] | None, Outputs, Description]:
-        return _opened(case, parameters, directory, options, description, stored, accept_changes, overwrite or resume)
+    asked = _Asked(case, parameters, directory, options)
 
     with ExitStack() as held:
         moments, outputs = None, None
@@ -150,29 +149,32 @@ def run_case(
             if writes():
                 make_folder(directory)
                 held.enter_context(alone_in(directory, "fcsim run"))
-                moments, outputs, description = opened()
+                moments, outputs, description = _opened(asked, description, stored, accept_changes, overwrite or resume)
         moments, description = told("the beginning", (moments, description))
         if announce is not None:
             announce(str(size))
-        return _run(case, moments, outputs or Unwritten(), options, directory, description, watch if writes() else None)
+        return _run(asked, moments, outputs or Unwritten(), description, watch if writes() else None)
+
+
+@dataclass(frozen=True)
+class _Asked:
+    """The run that is asked for: the case, the parameters that it was built with, its folder, what is written there."""
+
+    case: Case
+    parameters: object
+    directory: Path
+    options: RunOptions
 
 
 def _opened(
-    case: Case,
-    parameters: object,
-    directory: Path,
-    options: RunOptions,
-    description: Description,
-    stored: Description | None,
-    accept_changes: bool,
-    may_hold: bool,
+    asked: _Asked, description: Description, stored: Description | None, accept_changes: bool, may_hold: bool
 ) -> tuple[tuple[Moment, Moment] | None, Outputs, Description]:
     """The moments from which the run goes on, None: from its beginning, what writes it, and what run.json says of it now; the folder is
     this run's alone. may_hold: whether it may hold a run."""
-    moments = None
+    moments, directory = None, asked.directory
     if stored is not None:
         moments = read_checkpoint(directory / "checkpoint.h5", stored.origin)
-        description = _resumed(description, stored, case, moments, directory, accept_changes)
+        description = _resumed(description, stored, asked.case, moments, directory, accept_changes)
     check_folder(directory, may_hold)
     if moments is None:  # a new run, or one that stopped before its first checkpoint
         empty(directory)
@@ -181,7 +183,7 @@ def _opened(
     write_description(directory, replace(description, status="running"))
     start = moments[0].number if moments else 0
     try:
-        outputs = Outputs(directory, case, parameters, options, start, description.origin)
+        outputs = Outputs(directory, asked.case, asked.parameters, asked.options, start, description.origin)
     except OSError as error:  # a disk that is full from the beginning
         write_end(directory, replace(description, status="failed", message=f"{type(error).__name__}: {error}", steps_done=start))
         raise
@@ -216,37 +218,35 @@ def _none_computed(start: int) -> str:
 
 
 def _run(
-    case: Case,
+    asked: _Asked,
     moments: tuple[Moment, Moment] | None,
     outputs: Outputs | Unwritten,
-    options: RunOptions,
-    directory: Path,
     description: Description,
     watch: Callable[[Case, Step], None] | None,
 ) -> Summary:
     """Take the steps one after the other, and leave the folder whole however that ends."""
-    status, message = "finished", ""
+    status, message, simulation = "finished", "", asked.case.simulation
     tally, begin = _Tally(overlap=description.overlap), time.perf_counter()
     start = moments[0].number if moments else 0
-    if start >= case.simulation.steps:
+    if start >= simulation.steps:
         message = _none_computed(start)
 
     def reached() -> int:
         return outputs.last.number if outputs.last is not None else start
 
     def describe_end() -> None:
-        write_end(directory, replace(description, status=status, message=message, steps_done=reached(), overlap=tally.overlap))
+        write_end(asked.directory, replace(description, status=status, message=message, steps_done=reached(), overlap=tally.overlap))
 
     try:
-        for step in case.simulation.run(*moments) if moments else case.simulation:
+        for step in simulation.run(*moments) if moments else simulation:
             if world() is not None:
-                _made_together(step, options)
+                _made_together(step, asked.options)
             with alone():
                 seconds = outputs.take(step)
             tally.add(step, seconds)
             description = replace(description, notes=tuple(dict.fromkeys((*description.notes, *step.remarks))))
             if watch is not None:
-                watch(case, step)
+                watch(asked.case, step)
             del step  # its W is not kept while the next one is made
         outputs.finish()
         description = replace(description, ranks=shared_work())

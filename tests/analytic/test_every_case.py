@@ -246,7 +246,7 @@ def test_every_step_of_every_case(name: str, k: int) -> None:
         u = (step.H.T @ moving(step)).reshape(-1, d)
         slip = u if step.encounter.terms.compliance is None else step.result.u.reshape(-1, d)  # what springs do not give
         work = np.einsum("ai,ai->", r[:, 1:], slip[:, 1:])
-        moved = max(np.abs(u).max(initial=0.0), run._settings(step.previous.t, len(step.contacts)).least_motion)
+        moved = max(np.abs(u).max(initial=0.0), run.substeps.settings(step.previous.t, len(step.contacts)).least_motion)
         assert work <= 10 * run.solver.tol * size * moved * max(len(contacts), 1)
 
         # no penetration where the step detects and, linearised, at its end; facets that turn leave the square of the step's motion
@@ -255,7 +255,7 @@ def test_every_step_of_every_case(name: str, k: int) -> None:
             travel = np.abs(step.state.x - step.previous.x).max()
             advance = 1.0 if isinstance(run.scheme, QuasiStatic) else h
             advance = 0.0 if model.nonlinear and isinstance(run.scheme, QuasiStatic) else advance  # found anew at the last iterate
-            least = run._settings(step.previous.t, len(step.contacts)).least_motion * advance
+            least = run.substeps.settings(step.previous.t, len(step.contacts)).least_motion * advance
             known = 10 * run.solver.tol * least + 1e-12 * np.ptp(model.reference)  # [m] what solver and digits resolve
             meeting = step.encounter.meeting
             none = NO_GAP * meeting.size * meeting.between_rigid if meeting.timing.moving else 0.0  # what the law takes for no gap

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+import scipy.sparse as sp
 
 from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.assembly.discretisation import once_per_part
@@ -78,7 +79,7 @@ def _stresses(
 
 
 @once_per_part
-def _at_points(part: Part):  # type: ignore[no-untyped-def]
+def _at_points(part: Part) -> sp.csr_array:
     return stress_at(part, quadrature(CELL_TYPES[part.cell_type])[0])
 
 

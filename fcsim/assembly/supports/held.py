@@ -110,7 +110,7 @@ def held_dofs(layout: BodyLayout, supports: Sequence[Support | DrivenRotation]) 
     for kind, own in zip(kinds, groups_of, strict=False):
         present = kind[kind >= 0]
         told = [holds[j] for j in present]
-        _refuse_contradictions(told, supports)
+        _refuse_contradictions(told)
         rows = np.concatenate([hold.rows for hold in told])
         frame, held = _frame(rows)
         dofs = groups[own][:, None] + held
@@ -151,7 +151,7 @@ def _frame(rows: FloatArray) -> tuple[FloatArray, IntArray]:
     return np.array(basis), np.arange(held)
 
 
-def _refuse_contradictions(holds: Sequence[Hold | Turn], supports: Sequence[Support | DrivenRotation]) -> None:
+def _refuse_contradictions(holds: Sequence[Hold | Turn]) -> None:
     """Two supports may name one direction only if both say the same."""
     plain = [hold for hold in holds if isinstance(hold, Hold)]
     for i, one in enumerate(plain):

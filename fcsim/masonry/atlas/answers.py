@@ -17,6 +17,7 @@ from fcsim.masonry.histories.shake import shake
 from fcsim.masonry.limit_analysis.analysis import analyse
 from fcsim.masonry.limit_analysis.limit import LimitLoad, associative_limit
 from fcsim.masonry.limit_analysis.limit_problem import limit_problem
+from fcsim.masonry.problem import MasonryProblem
 from fcsim.masonry.pushes import pushed
 from fcsim.masonry.structure import Stone
 
@@ -134,7 +135,7 @@ def _loaded(entry: Collapse) -> set[str]:
     return {getattr(load, "block", "") for load in entry.asked.loads}
 
 
-def _free(problem) -> int:  # type: ignore[no-untyped-def]
+def _free(problem: MasonryProblem) -> int:
     return sum(not block.support for block in problem.blocks)
 
 

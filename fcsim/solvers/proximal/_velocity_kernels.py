@@ -161,13 +161,13 @@ def moved(K, c, shift, du, dr, r, u):
 
 @njit(cache=True)
 def newton_in_velocities(
-    faces, unknowns, h, n, mass, places, masses, plan, fronts, own, first, least, most, mu, weights, r, u, rho, target, iterations,
+    faces, unknowns, h, n, mass, places, masses, plan, fronts, own, least, most, mu, weights, r, u, rho, target, iterations,
 ):  # fmt: skip
     """Newton's iterations in place on r, u (m,) and rho (nc, d) until the residual is at most target, `iterations` at the most.
 
     faces, unknowns, h: as of `at_rest`; mass (n, n): M where the bodies' matrix is eliminated dense, else empty, and `masses` is M in the
     pattern whose `planned` is `plan`, factored into `fronts` (see `Bodies.arrays`); places: where that has the contacts' shares. own (m,)
-    > 0: the contacts' shift and own compliances; first, least, most (nc, d): where rho began and its range; weights (nc,): s of the
+    > 0: the contacts' shift and own compliances; least, most (nc, d): the range of rho; weights (nc,): s of the
     residual. Return how it ended, the iterations, the best iterate (m,) and its residual. u is carried along: who believes it computes it
     anew. Long because it is one iteration from its residual to the next.
     """

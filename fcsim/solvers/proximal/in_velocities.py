@@ -55,7 +55,7 @@ class NewtonInVelocities:
             moving, u = r.reshape(shape)[order].ravel(), u.reshape(shape)[order].ravel()
             count = min(RECOMPUTED, most - watch.iterations)
             ended, done, best, residual = newton_in_velocities(
-                *self._arrays, own, first, *adaptive_range(first), self._mu, weights, moving, u, rho, target, count
+                *self._arrays, own, *adaptive_range(first), self._mu, weights, moving, u, rho, target, count
             )
             watch.iterations += done
             r = self._given(moving)

@@ -99,10 +99,10 @@ class Linked:
         if x is None:
             return replace(self, b=self.b + missing / timing.length_per_u)
         if timing.moving:
-            return self._working(model, scheme, v, ends, x, missing)
-        return self.at(model, x, v, None)
+            return self._working(scheme, v, ends, x, missing)
+        return self.at(x, v, None)
 
-    def at(self, model: Model, x: FloatArray, v: FloatArray, l: FloatArray | None) -> Linked:
+    def at(self, x: FloatArray, v: FloatArray, l: FloatArray | None) -> Linked:
         """The rows of statics, (3), in the configuration x (n_dofs,) that the increments v (n_dofs,) lead to, with `bending` under the
         multipliers l (p,) [N]; None: without."""
         rows = self.linkage.rows(x)
@@ -117,9 +117,7 @@ class Linked:
         b = np.where(self.kept, short, self.compliance * stiffness * short)
         return replace(self, rows=rows, G=G, b=b, bending=bending)
 
-    def _working(
-        self, model: Model, scheme: Scheme, v: FloatArray, ends: tuple[State, State], x: FloatArray, missing: FloatArray
-    ) -> Linked:
+    def _working(self, scheme: Scheme, v: FloatArray, ends: tuple[State, State], x: FloatArray, missing: FloatArray) -> Linked:
         """`bent` in dynamics, of deformable bodies; x (n_dofs,): where moments are added up."""
         linkage, timing = self.linkage, scheme.timing
         rows = linkage.rows(x, self.rows)

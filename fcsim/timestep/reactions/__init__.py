@@ -1,1 +1,1 @@
-"""Reactions of earlier steps at the contacts of later ones, and where a solver begins with them."""
+"""What earlier steps leave for later ones: reactions at their contacts, where a solver begins, and the motion that is expected."""

@@ -86,7 +86,7 @@ class Side:
     @cached_property
     def _equation(self) -> Equation:
         s = self.simulation
-        factor = s.system(s.scheme).with_rigid_mass(self._rigid_mass).turned(self._elastic.rotation)
+        factor = s.substeps.system(s.scheme).with_rigid_mass(self._rigid_mass).turned(self._elastic.rotation)
         driven = s.scheme.driven(s.model, self.start)
         return Equation(s.scheme, s.model, self.start, self._met, factor, self._rest, driven, self._elastic, 1.0)
 
@@ -137,7 +137,7 @@ class Side:
             problem=made.problem,
             result=result,
             encounter=met,
-            support_impulse=s.support_impulse(s.scheme, answer, impulse, self._rigid_mass, after),
+            support_impulse=s.substeps.support_impulse(s.scheme, answer, impulse, self._rigid_mass, after),
             last=None,
             penetration=np.nan,
             overlap=None,

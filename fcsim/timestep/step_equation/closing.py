@@ -89,10 +89,10 @@ class Closing:
         far = rows.reach(model, before.x, self._at if len(self._at) else np.zeros_like(v), way, self._extent)
         if far > FARTHEST and self._rounds < ROUNDS_OF_STATICS:
             self._at = v - (1 - FARTHEST / far) * way
-            return self._again(rows.at(model, model.advance(before.x, self._at), self._at, l), far, ROUNDS_OF_STATICS, attempts, share)
+            return self._again(rows.at(model.advance(before.x, self._at), self._at, l), far, ROUNDS_OF_STATICS, attempts, share)
         rows.refuse_contradictions(v, scheme.timing.length_per_u, self._extent)
         worst = float(np.abs(rows.missing(model, scheme, v, after)).max(initial=0.0)) / self._extent
-        later, self._at = rows.at(model, after.x, v, l), v
+        later, self._at = rows.at(after.x, v, l), v
         change = rows.unbalanced(later, model, l, self._extent)
         if worst <= CLOSED and (change <= BALANCED or (change <= BORNE_BY_STATICS and self._rounds >= ROUNDS)):
             return True

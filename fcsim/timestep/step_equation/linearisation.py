@@ -26,7 +26,7 @@ from fcsim.assembly.kinematics.following import When
 from fcsim.assembly.kinematics.frames import Turned
 from fcsim.assembly.model import Model
 from fcsim.solvers import Memory
-from fcsim.timestep.expected_motion import expected_motion
+from fcsim.timestep.reactions.expected_motion import expected_motion
 from fcsim.timestep.scheme import Scheme
 from fcsim.timestep.state import State
 

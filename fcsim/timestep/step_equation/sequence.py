@@ -19,7 +19,7 @@ from fcsim.solvers.automatic.stages import AutomaticOptions
 from fcsim.solvers.newton.options import NewtonOptions
 from fcsim.timestep.chain import MET, Attempt, Clock, SolverSettings, solve_chain, solve_rolling_chain
 from fcsim.timestep.encounter import Encounter
-from fcsim.timestep.expected_motion import with_motion
+from fcsim.timestep.reactions.expected_motion import with_motion
 from fcsim.timestep.reactions.reactions import Reactions
 from fcsim.timestep.reactions.unanswered import unanswered
 from fcsim.timestep.reactions.warm_start import nearest_start, warm_start

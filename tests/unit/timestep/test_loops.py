@@ -23,9 +23,9 @@ from fcsim.problem.reduction import Reduction, reduced
 from fcsim.solvers import Memory, Result, Status, solve
 from fcsim.solvers.automatic.pause import Pause
 from fcsim.timestep.chain import Attempt, SolverSettings
-from fcsim.timestep.expected_motion import expected_motion, with_motion
 from fcsim.timestep.limits import Limits
 from fcsim.timestep.quasi_static import QuasiStatic
+from fcsim.timestep.reactions.expected_motion import expected_motion, with_motion
 from fcsim.timestep.simulation import Simulation
 from fcsim.timestep.state import State
 from fcsim.timestep.step import Step
