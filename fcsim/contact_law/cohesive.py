@@ -11,6 +11,7 @@ from fcsim.brief import shown
 from fcsim.contact_detection.contacts import Contacts
 from fcsim.contact_law.compliant import Springs
 from fcsim.contact_law.coulomb import RECOVERY, closing
+from fcsim.contact_law.handed_on import CORNERS, beside_joints, corners_of
 from fcsim.contact_law.law import Breaking, Demand, Meeting, Outcome, Remembered, Terms, Variables
 from fcsim.contact_law.proportions import Proportions
 from fcsim.errors import InputError, Unphysical
@@ -100,16 +101,18 @@ class Cohesive:
         return 2 * self.mode_1 / self.tension + (self.tension / self.springs.normal if self.springs else 0.0)
 
     def select(self, contacts: Contacts, proportions: Proportions, variables: Variables | None) -> BoolArray:
-        """All; JointLost where one that holds is missing."""
-        if variables is not None and "fracture" in variables.values:
-            holding = variables.identity[variables.values["fracture"] < 1]
-            missing = holding[~np.isin(holding, contacts.identity)]
-            if len(missing):
-                raise JointLost(
-                    f"Cohesive: {len(missing)} joints that still hold were not detected any more; expected an alert distance above the "
-                    f"opening at fracture, {self.opening:.3g} m (and steps in which no joint moves past it)"
-                )
-        return np.ones(len(contacts), dtype=bool)
+        """All but those of corners that a joint holds on each other already; JointLost where one that holds is missing."""
+        if variables is None or "fracture" not in variables.values:
+            return ~beside_joints(contacts, np.zeros(len(contacts), dtype=bool))
+        holding = variables.identity[variables.values["fracture"] < 1]
+        missing = holding[~np.isin(holding, contacts.identity)]
+        if len(missing):
+            raise JointLost(
+                f"Cohesive: {len(missing)} joints that still hold were not detected any more; expected an alert distance above the "
+                f"opening at fracture, {self.opening:.3g} m, steps in which no joint moves past it, and joints within faces: nodes may "
+                "leave their rims by round-off"
+            )
+        return ~beside_joints(contacts, np.isin(contacts.identity, holding))
 
     def integrity(self, meeting: Meeting) -> FloatArray:
         """i (nc,) at the beginning of the step: 0 where nothing was ever bonded."""
@@ -161,6 +164,7 @@ class Cohesive:
             "area": area,
             "left": course.left[1],
             "pressing": self._pressing(meeting, outcome),
+            CORNERS: corners_of(meeting.contacts),
             "work_1": meeting.recall("work_1", np.zeros(len(meeting))) + work_1,
             "work_2": meeting.recall("work_2", np.zeros(len(meeting))) + work_2,
         }

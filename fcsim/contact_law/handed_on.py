@@ -13,6 +13,10 @@ once and takes once, the nearest first.
 Contacts of meshed bodies keep their identity as they slide over facets, but a corner that is drawn over the edge of what bears it leaves
 its place to the crossing of two edges: there springs go on, too, where they are all that is remembered beside the way slid (`SPRINGS`) and
 both normals are nearly the same. Contacts of other kinds keep their identity, and what they remember.
+
+Where corners of two meshed bodies lie on each other, as of equal boxes, the contact is that of either corner on the other body's face, or
+of two of their edges, by the last digits of their places. So a bonded joint there belongs to the two corners (`CORNERS`): another contact
+of the same two takes its place where it is lost, and is none beside it.
 """
 
 from __future__ import annotations
@@ -30,12 +34,17 @@ from fcsim.contact_law.proportions import Proportions
 PLACE = "place"
 """The variable (nc, 2 + 4 d) of contacts that may hand on: slave, master, point, both bodies' means [m], normal as from the body of the
 larger number; nan where a contact is to keep."""
+CORNERS = "corners"
+"""The variable (nc, 2 + d) of joints: the nodes of slave and master whose corners lie on each other, the normal as in `PLACE`; or nan."""
 SPRINGS = frozenset(("stretch", "attitude", "slip", "rate"))
 """What contacts of meshed bodies remember that hand it on: damage and ages stay where they came about."""
 
 WITHIN = 0.1
 """Of the smaller body's size, or of the arm from the slave's middle: by how much farther than both bodies a contact's point may move in a
 step, since bodies turn and facets meet at angles."""
+
+ON_EACH_OTHER = 1e-3
+"""Of a facet's side: how far from the other's corner one that lies on it is at the most."""
 
 ALIKE = 0.99
 """Cosine between the normals of facets that a contact with a spring may come to within a step as though they were one."""
@@ -54,6 +63,8 @@ def places(meeting: Meeting, outcome: Outcome, kept: Remembered) -> dict[str, Fl
 def handed_on(variables: Variables | None, contacts: Contacts, positions: FloatArray, proportions: Proportions) -> Variables | None:
     """What is remembered, under the identities of the contacts that bodies have come to at positions (n_nodes, d) [m]; the same where none
     has come to another facet."""
+    if variables is not None and CORNERS in variables.values:
+        variables = _with_corners(variables, contacts)
     if variables is None or PLACE not in variables.values:
         return variables
     place = variables.values[PLACE]
@@ -67,20 +78,72 @@ def handed_on(variables: Variables | None, contacts: Contacts, positions: FloatA
     giver, taker = _nearest(place[lost], exact, contacts.take(new), _centres(positions, proportions), proportions)
     if not len(giver):
         return variables
-    taken = contacts.identity[new[taker]]
+    swapped = place[lost[giver], 0] != contacts.bodies[new[taker], 0]
+    return _renamed(variables, lost[giver], contacts.identity[new[taker]], swapped)
+
+
+def corners_of(contacts: Contacts) -> FloatArray:
+    """(nc, 2 + d) as `CORNERS`."""
+    nodes, weights = contacts.nodes, np.where(contacts.nodes < 0, 0.0, contacts.weights)
+    rows = np.arange(len(contacts))
+    slave, master = weights.argmax(axis=1), weights.argmin(axis=1)
+    found = np.column_stack([nodes[rows, slave], nodes[rows, master], _from_the_first(contacts)])
+    found[np.minimum(weights[rows, slave], -weights[rows, master]) < 1 - ON_EACH_OTHER] = np.nan
+    return found
+
+
+def beside_joints(contacts: Contacts, holding: BoolArray) -> BoolArray:
+    """Which contacts (nc,) are of two corners that lie on each other and have one that is `holding` (nc,), or an earlier one."""
+    corners = corners_of(contacts)
+    order = np.lexsort((~holding, np.isnan(corners[:, 0])))
+    one, other = _same_corners(corners[order], corners[order])
+    beside = np.zeros(len(contacts), dtype=bool)
+    beside[order[other[one < other]]] = True
+    return beside & ~holding
+
+
+def _with_corners(variables: Variables, contacts: Contacts) -> Variables:
+    """The variables with joints of corners under the identities of the contacts that these have now."""
+    corners, met = variables.values[CORNERS], corners_of(contacts)
+    lost = np.flatnonzero(~np.isnan(corners[:, 0]) & ~np.isin(variables.identity, contacts.identity))
+    new = np.flatnonzero(~np.isin(contacts.identity, variables.identity[~np.isnan(corners[:, 0])]))
+    giver, taker = _same_corners(corners[lost], met[new])
+    giver, first = np.unique(giver, return_index=True)
+    taker, once = np.unique(taker[first], return_index=True)
+    giver, taker = lost[giver[once]], new[taker]
+    if not len(giver):
+        return variables
+    return _renamed(variables, giver, contacts.identity[taker], corners[giver, 0] != met[taker, 0])
+
+
+def _same_corners(one: FloatArray, other: FloatArray) -> tuple[IntArray, IntArray]:
+    """Which of the places (n, 2 + d) and (m, 2 + d) as `CORNERS` are of the same two nodes, in any order, with nearly the same normal."""
+    known, among = (np.flatnonzero(~np.isnan(places[:, 0])) for places in (one, other))
+    keys = []
+    for places in (one[known], other[among]):
+        nodes = np.sort(places[:, :2].astype(np.int64), axis=1)
+        keys.append(nodes[:, 0] * 2**31 + nodes[:, 1])
+    second, first = of_same_key(*keys)
+    first, second = known[first], among[second]
+    alike = np.einsum("ad,ad->a", one[first, 2:], other[second, 2:]) > ALIKE
+    return first[alike], second[alike]
+
+
+def _renamed(variables: Variables, giver: IntArray, taken: IntArray, swapped: BoolArray) -> Variables:
+    """The variables with the identities `taken` (k,) for those in the places `giver` (k,), `swapped` ones with slave for master."""
     identity = variables.identity.copy()
-    identity[lost[giver]] = taken
+    identity[giver] = taken
     kept = np.flatnonzero(~np.isin(variables.identity, taken))  # what takers had from before they were left is none of the comer's
     order = kept[np.argsort(identity[kept])]
-    swapped = lost[giver][place[lost[giver], 0] != contacts.bodies[new[taker], 0]]
-    values = variables.values if not len(swapped) else _other_way_round(variables.values, swapped)
+    values = variables.values if not swapped.any() else _other_way_round(variables.values, giver[swapped])
     return Variables(identity[order], {name: value[order] for name, value in values.items()}, variables.stored, variables.breaking)
 
 
 def _other_way_round(values: Mapping[str, FloatArray], those: IntArray) -> dict[str, FloatArray]:
     """The variables with those contacts' slave for their master: the stretch is the slave's way beside the master."""
     changed = {name: value.copy() for name, value in values.items()}
-    changed["stretch"][those] *= -1.0
+    if "stretch" in changed:
+        changed["stretch"][those] *= -1.0
     if "attitude" in changed:
         changed["attitude"][those] = np.roll(changed["attitude"][those], changed["attitude"].shape[1] // 2, axis=1)
     return changed

@@ -43,7 +43,7 @@ class Timing:
 
 OF_ONE_STEP = ("rate", "stretch", "attitude", "place")
 """What laws remember of the last step alone: contacts that were not met in it have none."""
-UNSHOWN = ("attitude", "place")
+UNSHOWN = ("attitude", "place", "corners")
 """What is remembered of the bodies to carry other variables on (`turning_along`, `handed_on`): no result of a step."""
 
 

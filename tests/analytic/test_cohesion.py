@@ -16,7 +16,7 @@ from fcsim.mesh.blocks import rigid_box
 from fcsim.running.checkpoint import read_checkpoint, write_checkpoint
 from fcsim.timestep.quasi_static import QuasiStatic
 from fcsim.timestep.simulation import Simulation, SolverSettings
-from fcsim.timestep.state import at_rest
+from fcsim.timestep.state import State, at_rest
 from fcsim.timestep.step import Step
 from fcsim.timestep.theta import Theta
 
@@ -190,6 +190,25 @@ def test_a_joint_that_holds_and_is_not_seen_any_more_stops_the_run() -> None:
     law = Cohesive(tension=TENSION, mode_1=G_1, mode_2=G_2)
     with pytest.raises(JointLost, match=r"4 joints that still hold .* expected an alert distance above"):
         list(joint(law, 10, lift=2e-5, alert=5e-5))
+
+
+@pytest.mark.parametrize(("axis", "steps"), [((1.0, 0.0, 0.0), 70), ((1.0, 0.6, 0.3), 5)])
+def test_equal_cubes_stay_glued_corner_on_corner_as_they_spin(axis: tuple[float, ...], steps: int) -> None:
+    """The contact is that of one corner on the other's face or the other way round, or of two edges, by the last digits: the joint is
+    one, and as strong as that of a cube on a face a little wider; it was lost in step 54 and in the second."""
+    energies = []
+    for width in (1.0, 1.001):
+        lower, upper = rigid_box("lower", (width, width, 1.0), (0, 0, -0.5), 1e3), rigid_box("upper", (1.0,) * 3, (0, 0, 0.5), 1e3)
+        model = build_model([lower, upper])
+        start = at_rest(model)
+        v, omega = start.v.copy(), np.array(axis) / np.linalg.norm(axis)
+        model.rigid_part(v)[:] = [[*np.cross(omega, (0, 0, z)), *omega] for z in (-0.5, 0.5)]
+        law = Cohesive(tension=1e6, shear=1e6, mode_1=1e3, mode_2=1e3)
+        settings = SolverSettings(tol=1e-10)
+        *_, last = Simulation(model, Everything(model, 0.5), Theta(5e-3, 0.5, law), steps, settings, initial=State(0.0, start.x, v))
+        assert len(last.contacts) == 4 and last.law_variables["fracture"].max() < 2e-3
+        energies.append(last.energy.kinetic)
+    assert energies[0] == pytest.approx(energies[1], rel=2e-3)
 
 
 def test_a_run_goes_on_from_its_checkpoint_bit_by_bit(tmp_path: Any) -> None:

@@ -270,6 +270,16 @@ def test_a_cable_is_slack_then_taut() -> None:
     assert step.state.x[0] < 1.0 and step.contact_force[0, 0] >= 0
 
 
+def test_a_cable_that_a_load_step_turns_is_longer_and_no_body_lies_in_another_one() -> None:
+    """Drawn aside by its weight: what the cable is longer at a step's end, 24 mm, was said to be a penetration."""
+    model = fcsim.build_model([rigid_box("s", (0.2,) * 3, (0, 0, 0), 1.0)], gravity=lambda t: (10.0 * t, 0.0, -10.0))
+    linkage = Linkage(model, [Cable("cable", "s", None, ((0, 0, 0), (0, 0, 0.5)), length=0.5)])
+    scheme = fcsim.QuasiStatic(0.25, eta=1.0)
+    steps = list(fcsim.Simulation(model, WithCables(Nothing(model), linkage), scheme, 4, linkage=linkage, witness=None))
+    assert max(float(np.linalg.norm(step.state.x[:3] - [0, 0, 0.5])) for step in steps) > 0.51
+    assert all(step.penetration == 0 for step in steps)
+
+
 def test_the_tension_of_cables_on_a_wheel_and_where_nothing_else_is_linked() -> None:
     """3 and 2 kg on cables at both sides of a wheel of 2 kg: a = g (3 - 2) / (3 + 2 + I / R^2), tensions 3 (g - a) and 2 (g + a); and a
     body that hangs: its weight, on the first body towards the second, upwards. A slack cable pulls nothing."""

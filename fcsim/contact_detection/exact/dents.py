@@ -19,6 +19,7 @@ from fcsim.contact_detection.surfaces.ragged import each_of
 
 FINE = 0.1  # of the radius: vertices all of whose facets are no longer touch
 _SAG = 0.01  # of the height of a round body over a chord: vertices so near touch, and the facets around them are dented
+_AROUND = 1.0  # of that height: minima so near on the facets around a vertex, it twice as far, lie round the body
 _DEEP = 0.5  # of the radius: what lies deeper is another part of the body
 _FACING = 0.5  # cosine between the way out and a facet around the vertex
 _ROUND = 1e-9  # of a length
@@ -27,7 +28,7 @@ _ROUND = 1e-9  # of a length
 class Dents(NamedTuple):
     """touch: vertices under round bodies, gaps up to the alert; pressed (k,): solid * n_nodes + node of those that touch, ascending.
 
-    close (m,): the same of those no farther than the height of the round body over a chord; near (m,) [m]: gaps that touch there."""
+    close (m,): the same of those no farther than twice the height of the round body over a chord; near (m,) [m]: that height."""
 
     touch: Touch
     pressed: IntArray
@@ -63,8 +64,8 @@ def vertices_under(now: Placed, skin: MeshSkin, x: FloatArray, alert: float) -> 
     node, radius = skin.vertices[v], solids.radius[k]
     key, height = k * len(x) + node, longest**2 / (8 * radius)
     pressed = np.unique(key[gap <= _SAG * height])
-    close, first = np.unique(key[gap <= (1 + _SAG) * height], return_index=True)
-    near = _SAG * height[gap <= (1 + _SAG) * height][first]
+    close, first = np.unique(key[gap <= (1 + _AROUND) * height], return_index=True)
+    near = _AROUND * height[gap <= (1 + _AROUND) * height][first]
     point = now.centre[k] + s[:, None] * now.along[k] - radius[:, None] * direction
     nodes, weights = np.full((len(v), x.shape[1]), -1), np.zeros((len(v), x.shape[1]))
     nodes[:, 0], weights[:, 0] = node, 1.0
@@ -80,8 +81,9 @@ def beside(touch: Touch, dents: Dents, solids_of_body: IntArray, n_nodes: int) -
     """Which minima (n,) stay beside these vertices: those that are not at one of them nor on a facet or edge that is dented.
 
     solids_of_body (n_bodies,): the numbers of bodies among the solids, -1 = none. Where the minima of as many facets around a vertex as
-    there are directions touch, the skin is dented: what lies round the body would stay on the middles of its chords, its vertices a
-    chord's height off, which bends what is clamped there.
+    there are directions are as near as the height over a chord, the skin is bent round the body, a flat one has one minimum. It would
+    stay on the middles of its chords, its vertices that height off, which bends what is clamped there. Not only where such minima touch:
+    what comes to lie round the body within a step would bear on the next two middles at each iterate, which are left out at the next.
     """
 
     def keys(t: Touch) -> IntArray:

@@ -31,6 +31,8 @@ from fcsim.timestep.step import Step
 _SHARE = 1e-5  # of the weight: the regularising force of a block that moves with the load
 _NOTHING = 1e-4  # of the largest multiplier: what is less holds nothing
 _DROP, _SMALLEST = 0.02, 1e-3  # of it: what drops more in a step is looked at by shorter ones, down to a share of the step
+_SAME = 0.1
+"""Of the drop: what half a step changes of it by less has dropped on the way to where the step begins, and shorter ones show no more."""
 _TURN = 0.02
 """[rad] A block turns by no more in a step: a corner leaves its place by half the square, since statics move it as the step begins."""
 NAME = "push"
@@ -132,7 +134,7 @@ def branch_steps(
     linkage, detector = Linkage(model, [control]), Everything(model, problem.friction)
     tell("at rest: the multiplier that sets them in motion")
     along, largest, before = np.array(control.direction), 0.0, None
-    moment, h, near = None, step, 1e-9 * step
+    moment, h, near, seen = None, step, 1e-9 * step, np.inf
     while moment is None or moment.state.t <= to + near:  # the step that begins at `to` has the forces of `to`
         left = to if moment is None else to - moment.state.t
         h = min(h, left) if left > near else h
@@ -149,9 +151,10 @@ def branch_steps(
             continue
         lost = _regularisation(taken) / h / load
         multiplier = float(taken.link_force(NAME) @ along) / load - lost
-        if before is not None and before - multiplier > _DROP * largest and h > _SMALLEST * step:
-            h *= 0.5
-            at = f"{1e3 * taken.previous.t:.6g} mm, multiplier {before:.4g}"
+        drop = 0.0 if before is None else before - multiplier
+        if drop > _DROP * largest and abs(multiplier - seen) > _SAME * drop and h > _SMALLEST * step:
+            h, seen = 0.5 * h, multiplier
+            at = f"{1e3 * taken.previous.t:.6g} mm, multiplier {multiplier + drop:.4g}"
             tell(f"{at}: it drops to {multiplier:.4g} in {2e3 * h:.4g} mm: again in half of that, {len(taken.contacts)} contacts")
             continue
         if h > _SMALLEST * step and (turn := _turn(taken)) > _TURN:
@@ -161,7 +164,7 @@ def branch_steps(
         if before is not None and lost > _DROP * largest:
             yield taken, taken.previous.t, -np.inf
             return
-        largest, before = max(largest, multiplier), multiplier
+        largest, before, seen = max(largest, multiplier), multiplier, np.inf
         yield taken, taken.previous.t, multiplier  # the forces are those of where the step begins
         if multiplier < _NOTHING * largest:
             return

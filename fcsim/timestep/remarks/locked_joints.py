@@ -1,4 +1,4 @@
-"""Joints that contact locks: bodies that touch on both sides of the point or axis about which a joint lets them turn."""
+"""Joints that contact locks: bodies that touch on both sides of the point or axis about which a joint lets them turn, or where it is."""
 
 from __future__ import annotations
 
@@ -18,7 +18,8 @@ ARM = 1e-3
 
 
 def locked_joints(model: Model, linkage: Linkage, detector: Detection, positions: FloatArray) -> Iterator[str]:
-    """A remark on the first joint of two bodies whose contacts stand against turning about it one way and the other.
+    """A remark on the first joint of two bodies whose contacts stand against turning about it one way and the other, or on the first two
+    or more that hold two bodies where these touch: contact there has rows that the joints' are sums of.
 
     Contacts press along their normals N at the places c: a turn by w about the joint p opens those with w . ((c - p) x N) > 0, and
     closes the others. Where there are both along an axis, the bodies cannot turn about it.
@@ -31,6 +32,15 @@ def locked_joints(model: Model, linkage: Linkage, detector: Detection, positions
     for link in joints:
         both = np.sort([model.body_number(str(link.first)), model.body_number(str(link.second))])
         between = contacts.take(np.all(np.sort(contacts.bodies, axis=1) == both, axis=1))
+        joined = [other for other in joints if {other.first, other.second} == {link.first, link.second}]
+        if len(joined) > 1 and (held := [other.name for other in joined if _touches(between, other, ARM * size)]):
+            yield (
+                f"bodies {link.first!r} and {link.second!r} touch where the link {held[0]!r} holds them, one of {len(joined)}: which part "
+                "of a force there is contact's and which the links' is not determined, both may be many times the load, or none is found. "
+                "Where the links stand for what happens between them: "
+                f"without_contact_of(detector, model, [({link.first!r}, {link.second!r})])"
+            )
+            return
         if _locked(between, link, ARM * size):
             yield (
                 f"bodies {link.first!r} and {link.second!r} touch on both sides of the link {link.name!r}: contact keeps them from turning "
@@ -38,6 +48,16 @@ def locked_joints(model: Model, linkage: Linkage, detector: Detection, positions
                 f"without_contact_of(detector, model, [({link.first!r}, {link.second!r})])"
             )
             return
+
+
+def _touches(contacts: Contacts, link: Ball | Hinge, near: float) -> bool:
+    """Whether a contact is no farther than `near` [m] from the joint's point or axis."""
+    places = np.array([link.at] if isinstance(link, Ball) else link.ends)
+    arm = contacts.point - places[0]
+    if isinstance(link, Hinge):
+        axis = (places[1] - places[0]) / np.linalg.norm(places[1] - places[0])
+        arm = arm - (arm @ axis)[:, None] * axis
+    return bool(np.any(np.linalg.norm(arm, axis=1) <= near))
 
 
 def _locked(contacts: Contacts, link: Ball | Hinge, least: float) -> bool:

@@ -60,14 +60,14 @@ def at_end(
     if not scheme.timing.moving:
         found = detection(positions)
         gone = lost(model, began, found, model.positions(before.x), positions)
-        return AtEnd(max(0.0, float(-found.gap.min(initial=0.0))), False, gone)
+        return AtEnd(_depth(found), False, gone)
     moved = positions - met.meeting.positions
     if isinstance(innermost(detection), Everything) and moves(met, moved):  # what turns and slides has other contacts there
         deepest, deep = 0.0, True
     else:
         deepest, deep = _followed(met, moved)
     there = detection(positions) if deep else None
-    penetration = deepest if there is None else max(0.0, float(-there.gap.min(initial=0.0)))
+    penetration = deepest if there is None else _depth(there)
     answers = isinstance(innermost(detection), Everything) and len(met.contacts) > 0 and met.keeps_apart(scheme.law)
     if not answers or (settled and there is None):
         return AtEnd(penetration, False)
@@ -77,9 +77,14 @@ def at_end(
     return AtEnd(penetration, sinks)
 
 
+def _depth(contacts: Contacts) -> float:
+    """The deepest penetration [m], at least 0. Cables, which are longer between the instants at which they are held, are none."""
+    return max(0.0, float(-contacts.gap[~contacts.cables].min(initial=0.0)))
+
+
 def _deeper(detection: Detection, met: Encounter, there: Contacts) -> bool:
     """Whether contacts found later are deeper, by what counts, than the deepest of the same two bodies where the step's were found."""
-    there = there.take(~there.cables)  # one that turns is longer between the instants at which it is held
+    there = there.take(~there.cables)
     counts = SUNK * met.meeting.proportions.size_at(there)
     if not np.any(there.gap < -counts):
         return False
@@ -98,7 +103,7 @@ def _followed(met: Encounter, moved: FloatArray) -> tuple[float, bool]:
     for contacts in (met.meeting.contacts, met.left):
         if contacts is None or not len(contacts):
             continue
-        deep = -(contacts.gap + contacts.along_normals(moved))
+        deep = np.where(contacts.cables, 0.0, -(contacts.gap + contacts.along_normals(moved)))
         most = float(deep.max())
         if most > LOOKED_AT * smallest and np.any(deep > LOOKED_AT * size_at(contacts)):
             return most, True

@@ -153,6 +153,21 @@ def test_an_initial_state_that_is_none_of_the_model_is_refused(change: Any, mess
         Simulation(model, Everything(model, 0.3), Theta(1e-2), 3, initial=replace(start, v=change(start.v)))
 
 
+@pytest.mark.parametrize("pins", [1, 2])
+def test_pins_where_bodies_touch(pins: int) -> None:
+    """Two pins at the corners of a block on another one: they and contact may press on each other by 4e8 N where it weighs 1e4."""
+    bodies = [rigid_rectangle("lower", (1.0, 1.0), (0, 0.5), 1e3), rigid_rectangle("upper", (1.0, 1.0), (0, 1.5), 1e3)]
+    model = build_model(bodies, supports=[Support("lower", ("x", "y", "rz"))], gravity=lambda t: (0, -9.81))
+    linkage = Linkage(model, [Ball(f"pin {x}", "lower", "upper", (x, 1.0)) for x in (-0.5, 0.5)[:pins]])
+    detector = Everything(model, 0.5)
+    found = [
+        Simulation(model, one, Theta(1e-3), 1, linkage=linkage)
+        for one in (detector, without_contact_of(detector, model, [("lower", "upper")]))
+    ]
+    said = ["which part of a force there is contact's" in " ".join(next(iter(run)).remarks) for run in found]
+    assert said == [pins == 2, False]
+
+
 @pytest.mark.parametrize("unit", [1e-3, 1.0, 1e3])
 def test_a_joint_that_contact_locks(unit: float) -> None:
     """Two rods hinged end to end touch across their whole ends, which keeps them straight; hinged at the edge on one side they open."""
