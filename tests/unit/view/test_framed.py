@@ -88,7 +88,7 @@ def test_what_opens_slides_or_moves_with_its_ground_is_exaggerated_at_will():
 
 
 def test_a_body_that_turns_is_not_drawn_larger_than_it_is():
-    """A bar from the origin turns by 0.2 rad about z: with the factor f its end is at (1, 0) + f (cos - 1, sin), a length that may be 1.05."""
+    """A bar from the origin turns by 0.2 rad: with the factor f its end is at (1, 0) + f (cos - 1, sin), which may be 1.05 long."""
     angle = 0.2
     bar = boxes(((1, 0.01, 0.01), (0.5, 0, 0)), moved=(STILL,))
     turn = np.array([[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]])
