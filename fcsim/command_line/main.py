@@ -18,7 +18,7 @@ from fcsim.command_line.answers import answering
 from fcsim.command_line.masonry import atlas, structures
 from fcsim.command_line.sets import bench, collection, leaderboard, profile
 from fcsim.command_line.start import begin, cases, completion, doctor
-from fcsim.command_line.terminal import any_encoding, one_line, open_streams, say, silence, write
+from fcsim.command_line.terminal import any_encoding, one_line, open_streams, prints_aside, say, silence, write
 from fcsim.errors import EXIT_BAD_INPUT, EXIT_INTERRUPTED, EXIT_OK, FcsimError, InputError
 from fcsim.files import refuse_unwritable_place
 from fcsim.interrupts import ended_by, is_interrupt
@@ -105,7 +105,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if listens:
         silence(sys.stdout)
     with answering(quiet=listens or getattr(options, "quiet", False), as_json=getattr(options, "as_json", False)) as answer:
-        with nullcontext() if answer.document is None else redirect_stdout(sys.stderr):  # what scripts and plugins print is no JSON
+        with nullcontext() if answer.document is None else prints_aside():
             code, message = _acted(options)
         end_with(code)
         if message and not listens:

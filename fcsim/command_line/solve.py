@@ -5,16 +5,15 @@ from __future__ import annotations
 import argparse
 import json
 import math
-import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, contextmanager, nullcontext, redirect_stdout
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from fcsim.command_line.answers import current
 from fcsim.command_line.assignments import add_plugin_option, checked_tolerance, positive, read_assignments
 from fcsim.command_line.compiling import saying_so
-from fcsim.command_line.terminal import say
+from fcsim.command_line.terminal import prints_aside, say
 from fcsim.errors import EXIT_NOT_CONVERGED, EXIT_OK, FcsimError, InputError
 from fcsim.files import refuse_unwritable
 from fcsim.version import __version__
@@ -78,7 +77,7 @@ def _solve(options: argparse.Namespace) -> int:
     start = _start(content, options.start)
     solved: Callable[..., Result] = solve  # which checks the overrides
     limits = {"tol": options.tol, "error": options.error, "floor": options.floor, "time_limit": options.time_limit}
-    with saying_so(_aside), _prints_aside(options.json), _raising_plainly(options.solver):
+    with saying_so(_aside), _prints_aside(options.json), _raising_plainly(options.solver), _naming(options.file):
         result = solved(problem, options.solver, start, **limits, **overrides)
     if options.json:
         say(json.dumps(_answer(options, content, problem, result), indent=1, allow_nan=False))
@@ -92,8 +91,7 @@ def _solve(options: argparse.Namespace) -> int:
 
 
 def _prints_aside(as_json: bool) -> AbstractContextManager[object]:
-    """Where the answer is JSON, what plugins print goes to standard error."""
-    return redirect_stdout(sys.stderr) if as_json else nullcontext()
+    return prints_aside() if as_json else nullcontext()
 
 
 @contextmanager
@@ -110,6 +108,17 @@ def _raising_plainly(solver: str) -> Iterator[None]:
             raise
         text = f"{type(error).__name__}: {error}".strip().splitlines()[0]
         raise InputError(f"--solver {solver}: the plugin's method raised {text[:500]}") from error
+
+
+@contextmanager
+def _naming(file: Path) -> Iterator[None]:
+    """A singular M or R as an InputError that names the file it stands in."""
+    from fcsim.linear.factors import SingularMatrix
+
+    try:
+        yield
+    except SingularMatrix as error:
+        raise InputError(f"{file}: its equations of motion cannot be solved: {error}") from None
 
 
 def _aside(text: str) -> None:

@@ -19,7 +19,7 @@ from fcsim.command_line.assignments import (
     read_assignments,
 )
 from fcsim.command_line.terminal import Bar, print_table, say
-from fcsim.errors import EXIT_INTERRUPTED, EXIT_NOT_CONVERGED, EXIT_OK
+from fcsim.errors import EXIT_INTERRUPTED, EXIT_NOT_CONVERGED, EXIT_OK, InputError
 from fcsim.interrupts import ended_by, ended_politely
 from fcsim.tables import cell
 
@@ -85,6 +85,7 @@ def _sweep(options: argparse.Namespace) -> int:
     from fcsim.campaign.named_case import named_case
     from fcsim.campaign.plan import make_plan
     from fcsim.campaign.sweep import sweep
+    from fcsim.solvers import method
     from fcsim.solvers.plugins import load_plugins
 
     load_plugins(options.plugin)
@@ -92,6 +93,10 @@ def _sweep(options: argparse.Namespace) -> int:
     assignments = read_assignments(options.assignments)
     if options.tol is not None:
         checked_tolerance(options.tol)
+    if options.solver is not None:
+        method(options.solver)
+    if options.steps is not None and options.steps < 0:  # here, not run by run in the table
+        raise InputError(f"--steps: expected a whole number >= 0, got {options.steps}")
     assignments |= given_by_options(options, script)
     rows = read_table_of_values(options.table) if options.table is not None else []
     chosen = combinations([read_over(text) for text in options.over], rows)

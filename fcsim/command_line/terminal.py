@@ -6,9 +6,11 @@ characters that a terminal would obey. rich is loaded when a bar is made, and on
 
 from __future__ import annotations
 
+import ctypes
 import os
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager, redirect_stdout, suppress
 from importlib.util import find_spec
 from types import TracebackType
 from typing import TextIO
@@ -58,6 +60,27 @@ def silence(stream: TextIO) -> None:
         os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
     except (OSError, ValueError):  # a stream that is no file
         return
+
+
+@contextmanager
+def prints_aside() -> Iterator[None]:
+    """Within the block what scripts, plugins and libraries in C print goes to standard error: standard output is for one JSON document."""
+    sys.stdout.flush()
+    try:
+        kept = os.dup(1)
+        os.dup2(2, 1)
+    except OSError:  # closed: nothing can be printed there
+        with redirect_stdout(sys.stderr):
+            yield
+        return
+    try:
+        with redirect_stdout(sys.stderr):
+            yield
+    finally:
+        with suppress(OSError, AttributeError):  # where there is no C library to load by no name
+            ctypes.CDLL(None).fflush(None)  # C keeps what it prints to pipes and files until its end: that would be after the document
+        os.dup2(kept, 1)
+        os.close(kept)
 
 
 def open_streams() -> None:

@@ -79,8 +79,8 @@ def _entry(parent: Group, name: str) -> Group | Array | None:
     """What a group holds under a name; nothing that lies elsewhere, or unpacks to far more than the file holds."""
     entry = parent.get(name)
     if isinstance(entry, Link):
-        other = "another" if entry.kind == "ExternalLink" else "another place"
-        raise InputError(f"{_place(parent, name)}: expected the problem within this file, got a link to {other}")
+        other = "a link to another" if entry.kind == "ExternalLink" else "a soft link, which is not followed: store the data or a hard link"
+        raise InputError(f"{_place(parent, name)}: expected the problem within this file, got {other}")
     if isinstance(entry, Array) and entry.elsewhere:
         raise InputError(f"{_place(parent, name)}: expected the problem within this file, got data stored in others")
     return entry

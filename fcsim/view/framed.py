@@ -1,11 +1,14 @@
-"""What pictures of a run show: all that moves, in every instant, and of wide floors what is near it."""
+"""What pictures of a run show: all that moves, in every instant, and of wide floors what is near it; and how far displacements may be
+exaggerated before bodies that touch lie in each other, or grow as they turn."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fcsim.arrays import FloatArray
 
@@ -14,6 +17,8 @@ if TYPE_CHECKING:
 
 _WIDE = 1.5  # times as long as what moves: a body that stands still is cut off there
 _AROUND = 0.1  # of the largest extent of what moves
+_ENTERED = 0.05  # share of the smaller body's extent that bodies may be drawn into each other
+_GROWN = 0.05  # share by which a body that turns may be drawn larger
 
 
 @dataclass(eq=False)
@@ -24,6 +29,8 @@ class Framed:
     """
 
     boxes: dict[int, FloatArray] = field(default_factory=dict)
+    _closing: list[FloatArray] = field(default_factory=list)
+    _turned: float = 0.0
 
     def see(self, data: DataSet, rigid: bool) -> None:
         """Take in the data set of an instant's blocks or rigid bodies."""
@@ -68,3 +75,82 @@ class Framed:
         lowest: FloatArray = low.min(0)
         highest: FloatArray = high.max(0)
         return lowest, highest
+
+    def see_motion(self, bodies: Sequence[DataSet], contacts: DataSet | None) -> None:
+        """Take in how the bodies of an instant's data sets have turned, and by how much the gaps of its contacts have closed.
+
+        A gap is (x_slave - x_master) . n; before, with displacements u, it was that less (u_slave - u_master) . n. Their u are those of the
+        rigid motions that fit the bodies' points best (Kabsch 1976); what deformable bodies deviate from these closes no gap.
+        """
+        numbered = [data for data in bodies if data.n_points and "body" in data.cell_data]
+        if not numbered:
+            return
+        body = np.concatenate([np.rint(data.cell_data_to_point_data()["body"]).astype(int) for data in numbered])
+        numbers, own = np.unique(body, return_inverse=True)
+        x, u = (np.concatenate([np.asarray(of(data), dtype=np.float64) for data in numbered]) for of in (_reference, _displacement))
+        motion = _Motions.fitted(x, u, own)
+        self._turned = max(self._turned, float(np.sum((motion.turn - np.eye(3)) ** 2, axis=(1, 2)).max()) / 2)
+        if contacts is None or not contacts.n_points or not {"slave", "master", "normal", "gap"} <= set(contacts.point_data):
+            return  # without them: files of fcsim 0.2
+        pairs = np.column_stack([contacts["slave"], contacts["master"]])
+        known = np.isin(pairs, numbers).all(axis=1)
+        slave, master = np.searchsorted(numbers, pairs[known]).T
+        place, n = (np.asarray(values, dtype=np.float64)[known] for values in (contacts.points, contacts["normal"]))
+        approach = np.einsum("ki,ki->k", motion.displacement(master, place) - motion.displacement(slave, place), n)
+        closed = approach - motion.deformed[slave] - motion.deformed[master]
+        bearable = _ENTERED * np.minimum(motion.extent[slave], motion.extent[master])
+        gap = np.asarray(contacts["gap"], dtype=np.float64)[known]
+        self._closing.append(np.column_stack([gap + closed + bearable, closed])[closed > 0])
+
+    @property
+    def largest_factor(self) -> float:
+        """The largest factor on displacements that misleads nobody, 1 at least: under it no gap that closes is drawn as an overlap of more
+        than a twentieth of the smaller body, and no body grows by more than a twentieth as it turns."""
+        factor = np.inf
+        if self._turned > 0:  # |x + f (turn - 1) x|^2 <= |x|^2 (1 + f (f - 1) |turn - 1|^2 / 2)
+            factor = (1 + np.sqrt(1 + 4 * ((1 + _GROWN) ** 2 - 1) / self._turned)) / 2
+        for bearable, closed in (one.T for one in self._closing if len(one)):
+            factor = min(factor, float((bearable / closed).min()))
+        return max(1.0, float(factor))
+
+
+@dataclass(frozen=True, eq=False)
+class _Motions:
+    """Rigid motions x -> after + turn (x - before) of bodies (nb,), the largest deviation [m] of their points, their extents [m]."""
+
+    before: FloatArray
+    after: FloatArray
+    turn: FloatArray
+    deformed: FloatArray
+    extent: FloatArray
+
+    @classmethod
+    def fitted(cls, x: FloatArray, u: FloatArray, own: NDArray[np.intp]) -> _Motions:
+        """Of points x (n, 3) with displacements u, of which each has its body."""
+        count, y = np.bincount(own), x + u
+        before, after = (np.column_stack([np.bincount(own, values[:, k]) for k in range(3)]) / count[:, None] for values in (x, y))
+        products = np.zeros((len(count), 3, 3))
+        np.add.at(products, own, (x - before[own])[:, :, None] * (y - after[own])[:, None, :])
+        left, _, right = np.linalg.svd(products)
+        left[:, :, 2] *= np.linalg.det(left @ right)[:, None]
+        turn = np.swapaxes(left @ right, 1, 2)
+        deformed, least, most = np.zeros(len(count)), np.full((len(count), 3), np.inf), np.full((len(count), 3), -np.inf)
+        np.maximum.at(deformed, own, np.linalg.norm(y - after[own] - np.einsum("kij,kj->ki", turn[own], x - before[own]), axis=1))
+        np.minimum.at(least, own, x)
+        np.maximum.at(most, own, x)
+        return cls(before, after, turn, deformed, (most - least).max(axis=1))
+
+    def displacement(self, body: NDArray[np.intp], y: FloatArray) -> FloatArray:
+        """Displacements (k, 3) of the points of bodies (k,) that are at y (k, 3) now."""
+        moved: FloatArray = y - self.before[body] - np.einsum("kji,kj->ki", self.turn[body], y - self.after[body])
+        return moved
+
+
+def _reference(data: DataSet) -> FloatArray:
+    points: FloatArray = data.points
+    return points
+
+
+def _displacement(data: DataSet) -> FloatArray:
+    displacement: FloatArray = data["displacement"]
+    return displacement

@@ -39,7 +39,8 @@ def render(
     DIR/page.html                                                       where `page` says so: bodies in space over time, curves, numbers,
                                                                         see `fcsim.view.page`
 
-    exaggeration  factor on displacements; None: the largest is shown as 5 to 8 % of the size of the whole (1 where it is more already)
+    exaggeration  factor on displacements; None: the largest is shown as 5 to 8 % of the size of the whole (1 where it is more already), or
+                  less where bodies that touch would be drawn in each other or what turns would grow (`Framed.largest_factor`)
     progress      called with (what, done, total): "plots", "survey", "pictures", "film", "page"
     tell          called with what pictures do not show: rigid bodies between the camera and the rest
 

@@ -121,6 +121,8 @@ def survey(run: RunFolder, instants: tuple[Instant, ...], exaggeration: float | 
         raise InputError(f"exaggeration: expected a factor > 0, or none for an automatic one, got {shown(exaggeration)}")
     framed, moved, stress, force = Framed(), 0.0, [0.0], 0.0
     for instant in instants:
+        contacts = None if instant.contacts is None else read(instant.contacts)
+        bodies: list[DataSet] = []
         for path in (instant.blocks, instant.rigid):
             if path is None:
                 continue
@@ -128,14 +130,16 @@ def survey(run: RunFolder, instants: tuple[Instant, ...], exaggeration: float | 
             displacement = np.asarray(data["displacement"])
             moved = max(moved, float(np.linalg.norm(displacement, axis=1).max(initial=0.0)))
             framed.see(data, rigid=path == instant.rigid)
+            bodies.append(data)
             if "von_mises" in data.cell_data:
                 stress.append(float(np.percentile(data.cell_data["von_mises"], 99)))
                 stress.append(ABOVE_ROUND_OFF * float(data.field_data.get("round_off_of_stress", [0.0])[0]))  # none in files of fcsim 0.2
-        if instant.contacts is not None and len(reaction := np.asarray(read(instant.contacts)["reaction"])):
+        framed.see_motion(bodies, contacts)
+        if contacts is not None and len(reaction := np.asarray(contacts["reaction"])):
             force = max(force, float(np.linalg.norm(reaction, axis=1).max()))
     if not framed.boxes:
         raise InputError(f"{run.directory}: expected the blocks or the rigid bodies of at least one instant in vtk/, found none")
-    factor = _automatic(framed.size, moved) if exaggeration is None else float(exaggeration)
+    factor = _automatic(framed.size, moved, framed.largest_factor) if exaggeration is None else float(exaggeration)
     low, high = framed.box(factor)
     planar = framed.planar
     has_stress = any(instant.blocks for instant in instants)
@@ -143,10 +147,11 @@ def survey(run: RunFolder, instants: tuple[Instant, ...], exaggeration: float | 
     return Survey(factor, (0.0, max(stress) or 1.0) if has_stress else None, force, low, high, planar, last)
 
 
-def _automatic(size: float, moved: float) -> float:
+def _automatic(size: float, moved: float, at_most: float = np.inf) -> float:
+    """A round factor on displacements of up to `moved` [m] of a whole of that size [m]."""
     if moved <= NEGLIGIBLE * size or SHOWN_DISPLACEMENT * size <= moved:
         return 1.0
-    wanted = SHOWN_DISPLACEMENT * size / moved
+    wanted = max(1.0, min(SHOWN_DISPLACEMENT * size / moved, at_most))
     power = 10.0 ** np.floor(np.log10(wanted))
     return float(power * ROUND_FACTORS[wanted / power * (1 + 1e-12) >= ROUND_FACTORS][-1])
 

@@ -7,7 +7,7 @@ NumPy and SciPy alone; the same arguments give the same problem on every machine
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -58,11 +58,17 @@ def problems(family: str, size: int, seed: int) -> GlobalProblem | LocalProblem:
 
     Raises InputError for an unknown family, a size outside 1 to `LARGEST`, a negative seed.
     """
-    if family not in FAMILIES:
-        raise InputError(f"family {family!r}: expected one of {', '.join(FAMILIES)}")
-    if not 1 <= size <= LARGEST:
-        raise InputError(f"size: expected a number of contacts from 1 to {LARGEST}, got {size}")
-    if seed < 0:
-        raise InputError(f"seed: expected an integer >= 0, got {seed}")
+    refuse_unknown([family], [size], [seed])
     # the name takes part, so that families of one seed do not share their random numbers
     return FAMILIES[family].make(size, np.random.default_rng([seed, size, *family.encode()]))
+
+
+def refuse_unknown(families: Sequence[str], sizes: Sequence[int], seeds: Sequence[int]) -> None:
+    """Raise InputError for what `problems` has no problem of."""
+    for family in families:
+        if family not in FAMILIES:
+            raise InputError(f"family {family!r}: expected one of {', '.join(FAMILIES)}")
+    if wrong := [size for size in sizes if not 1 <= size <= LARGEST]:
+        raise InputError(f"size: expected a number of contacts from 1 to {LARGEST}, got {wrong[0]}")
+    if wrong := [seed for seed in seeds if seed < 0]:
+        raise InputError(f"seed: expected an integer >= 0, got {wrong[0]}")

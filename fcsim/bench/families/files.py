@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from itertools import product
 from pathlib import Path
 
-from fcsim.bench.families import FAMILIES, problems
+from fcsim.bench.families import FAMILIES, problems, refuse_unknown
 from fcsim.errors import InputError
 from fcsim.export_fclib import write_fclib
 from fcsim.files import replacing
@@ -34,12 +34,10 @@ def write_problems(
 ) -> dict[Path, str]:
     """Write the problems that `folder` lacks, and return the family of each file asked for, in order; progress(done, total, name).
 
-    Raises InputError for an unknown family, size or seed (`fcsim.bench.families.problems`), before anything is written for a family
-    that is not known, and for a folder whose problems other sources made.
+    Raises InputError for an unknown family, size or seed (`fcsim.bench.families.problems`), before anything is written, and for a folder
+    whose problems other sources made.
     """
-    for family in families:
-        if family not in FAMILIES:
-            raise InputError(f"family {family!r}: expected one of {', '.join(FAMILIES)}")
+    refuse_unknown(families, sizes, seeds)
     own, note = digest(), folder / NOTE
     if note.is_file():
         try:

@@ -24,6 +24,8 @@ WARM_UP = 2.0
 """[s] What a warm-up may take, beyond what is compiled in it: its runs stop at the first look at the clock after so long."""
 ROUNDS = 20
 """Warm-ups at most: each but the last compiles something."""
+HANGS = 15.0
+"""[s] after which a method that neither compiles nor ends on a few contacts is taken to hang: its limit is WARM_UP."""
 REPEAT_AT_MOST = 7
 GRACE = 3.0
 """[s] A method tests its time limit between iterations; so much later it is killed."""
@@ -147,16 +149,16 @@ def _like(problem: GlobalProblem | LocalProblem, M: sp.csc_array, H: sp.csc_arra
     return GlobalProblem(M, H, np.zeros(n), q, mu, G, None if G is None else np.zeros(1), d)
 
 
-def warm(methods: Iterable[str], time_limit: float = 120.0) -> None:
+def warm(methods: Iterable[str]) -> None:
     """Compile what each method needs: first in a child, since it may hang or crash, then here, where later children inherit it."""
-    warm_on({(name, d): small_problem(d) for name in methods for d in method(name).dimensions if d < 5}, time_limit)
+    warm_on({(name, d): small_problem(d) for name in methods for d in method(name).dimensions if d < 5})
 
 
-def warm_on(cases: Mapping[tuple[str, Hashable], GlobalProblem | LocalProblem], time_limit: float = 120.0) -> None:
-    """The same with the problems of `cases`, by (method, anything)."""
+def warm_on(cases: Mapping[tuple[str, Hashable], GlobalProblem | LocalProblem]) -> None:
+    """The same with the problems of `cases`, by (method, anything). One that hangs is ended after HANGS, which compiling does not count."""
 
     def task(case: tuple[str, Hashable]) -> Task[tuple[str, Hashable], int]:
-        return Task(case, lambda: iter([solve(cases[case], case[0], time_limit=WARM_UP).iterations]), time_limit)
+        return Task(case, lambda: iter([solve(cases[case], case[0], time_limit=WARM_UP).iterations]), HANGS, watch=watch)
 
     for ended in run_killable(map(task, cases), quiet=True):
         if ended.how == FINISHED:

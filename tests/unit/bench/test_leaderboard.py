@@ -156,6 +156,7 @@ def test_bad_input_is_named(arguments: list[Any], said: str, tmp_path: Path, cap
     assert leaderboard(folder, *small, *arguments) == 2
     assert said in capsys.readouterr().err
     assert not (folder / "results.csv").exists() and not list(tmp_path.rglob("*.hdf5"))
+    assert not folder.exists() or arguments[0] in ("--siconos", "--tols"), "nothing is left of what was refused"
 
 
 def test_a_folder_of_files_is_not_taken_for_the_leaderboard(files: Path, capsys: pytest.CaptureFixture[str]) -> None:

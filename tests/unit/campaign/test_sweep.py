@@ -17,6 +17,7 @@ from fcsim.campaign.process import Task, make_run
 from fcsim.campaign.record import Limits, Place, Record, runs_in, stands
 from fcsim.campaign.results import Row, write_results
 from fcsim.campaign.sweep import Progress, SweepOptions, sweep
+from fcsim.command_line.main import main
 from fcsim.errors import InputError
 from fcsim.files import alone_in
 from fcsim.running.case import load_case
@@ -113,6 +114,18 @@ def test_values_that_are_none_are_refused_before_anything_begins(planned: Planne
         planned("nu=0.5")
     with pytest.raises(InputError, match="mu in both"):
         planned("mu=0.5", mu="0.5")
+
+
+@pytest.mark.parametrize(
+    ("option", "value", "said"),
+    [("--solver", "NOPE", "solver 'NOPE': expected one of auto"), ("--steps", "-3", "--steps: expected a whole number >= 0, got -3")],
+)
+def test_what_no_run_could_take_is_refused_before_anything_begins(
+    option: str, value: str, said: str, script_folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    arguments = ["sweep", str(script_folder), "--over", "mu=0.1,0.2", "--out", str(tmp_path / "out"), f"{option}={value}"]
+    assert main(arguments) == 2
+    assert capsys.readouterr().err.startswith(f"fcsim: {said}") and not (tmp_path / "out").exists()
 
 
 def test_only_the_same_sweep_goes_on_in_a_folder(planned: Planned, script_folder: Path, tmp_path: Path) -> None:

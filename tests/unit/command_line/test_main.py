@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import scipy.sparse as sp
 
 from fcsim import __version__
 from fcsim.command_line.main import _parser, main
@@ -215,6 +216,13 @@ def test_solve_refuses(problem_file: Path, capsys: pytest.CaptureFixture[str], a
     assert main(["solve", str(problem_file), *arguments]) == 2
     captured = capsys.readouterr()
     assert message in captured.err and captured.err.startswith("fcsim: ")
+
+
+def test_a_singular_matrix_is_told_by_its_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    H, f = sp.eye_array(3, format="csc"), np.array([-1.0, 0.0, 0.0])
+    file = write_fclib(tmp_path / "a.hdf5", GlobalProblem(sp.csc_array(np.diag([1.0, 1.0, 0.0])), H, f, np.zeros(3), np.array([0.3])))
+    assert main(["solve", str(file)]) == 2
+    assert capsys.readouterr().err.startswith(f"fcsim: {file}: its equations of motion cannot be solved: M is singular")
 
 
 def test_the_answer_is_told_before_a_full_disk_refuses_the_solution(

@@ -36,6 +36,14 @@ def test_links_to_another_file(file: Path, tmp_path: Path) -> None:
             read_fclib(file)
 
 
+def test_a_soft_link_is_named_as_such(file: Path) -> None:
+    with h5py.File(file, "r+") as content:
+        content.move("fclib_local/vectors/q", "elsewhere")
+        content["fclib_local/vectors/q"] = h5py.SoftLink("/elsewhere")
+    with pytest.raises(InputError, match=r"/fclib_local/vectors/q: expected the problem within this file, got a soft link"):
+        read_fclib(file)
+
+
 def test_a_virtual_dataset(file: Path, tmp_path: Path) -> None:
     with h5py.File(tmp_path / "b.h5", "w") as other:
         other["q"] = np.zeros(3)

@@ -1,5 +1,6 @@
 """Methods of one's own: files that add to the table, and what is wrong with them."""
 
+import ctypes
 import json
 from collections.abc import Iterator
 from pathlib import Path
@@ -142,3 +143,34 @@ def test_a_method_that_overwrites_the_problem_is_judged_by_what_was_given(
         np.array_equal(np.asarray(getattr(given, name)), np.asarray(getattr(expected, name)))
         for name in ("mu", "w" if form == "global" else "q")
     )
+
+
+PRINTS = """
+import ctypes
+import os
+
+libc = ctypes.CDLL(None)
+libc.printf(b"C on loading\\n")
+
+from fcsim.solvers import SOLVERS, Method, Status
+from fcsim.solvers.base import Iterate, Options
+
+def run(problem, r, monitor, options):
+    os.write(1, b"into the descriptor\\n")
+    libc.printf(b"C while solving\\n")
+    return Iterate(-problem.q, Status.SOLVED)
+
+SOLVERS["PRINTS"] = Method(run, Options(), "mine", "this test")
+"""
+
+
+@pytest.mark.parametrize("command", ["solve", "solvers"])
+def test_what_libraries_print_is_no_part_of_the_json(command: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    """Also what C keeps in its buffer until the process ends: standard output is no terminal here."""
+    path, file = plugin(tmp_path, PRINTS), write_fclib(tmp_path / "a.hdf5", STICKS)
+    words = [str(file), "--solver", "PRINTS"] if command == "solve" else []
+    assert main([command, *words, "--plugin", str(path), "--json"]) == 0
+    ctypes.CDLL(None).fflush(None)
+    shown = capfd.readouterr()
+    assert isinstance(json.loads(shown.out), dict)
+    assert "C on loading" in shown.err and ("C while solving" in shown.err) == (command == "solve")

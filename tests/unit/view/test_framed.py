@@ -58,3 +58,60 @@ def test_what_is_shown_as_it_is_has_its_own_box():
     seen.see(crate, rigid=True)
     np.testing.assert_allclose(seen.box(1.0), [[-1, -1, 0], [1, 1, 7]])
     np.testing.assert_allclose(seen.box(2.0), [[-5, -1, 0], [5, 1, 12]])
+
+
+def contact_of(crate, floor, gap):
+    """A contact of body `crate` on body `floor`, at a corner of the crate, its normal upwards."""
+    point = pyvista.PolyData(np.array([[1.0, 1.0, gap]]))
+    point.point_data.update({"slave": [crate], "master": [floor], "gap": [gap]})
+    point.point_data["normal"] = np.array([[0.0, 0.0, 1.0]])
+    return point
+
+
+@pytest.mark.parametrize(("fallen", "left"), [(0.5, 0.0), (0.5, 0.25), (0.01, 0.0)])
+def test_a_body_that_falls_on_another_is_not_drawn_inside_it(fallen, left):
+    """From a gap g0 of `fallen + left` down to `left`: g0 - f fallen is a twentieth of the crate's 2 m below 0 at the factor f."""
+    seen = Framed()
+    bodies = boxes(FLOOR, ((2, 2, 2), (0, 0, 1 + fallen + left)), moved=(STILL, (0, 0, -fallen)))
+    seen.see(bodies, rigid=True)
+    seen.see_motion([bodies], contact_of(1, 0, left))
+    assert seen.largest_factor == pytest.approx((fallen + left + 0.1) / fallen)
+
+
+def test_what_opens_slides_or_moves_with_its_ground_is_exaggerated_at_will():
+    for crate, floor in (((0, 0, 0.1), STILL), ((0.1, 0.1, 0), STILL), ((0.1, 0.2, -3), (0.1, 0.2, -3))):
+        seen = Framed()
+        bodies = boxes(FLOOR, CRATE, moved=(floor, crate))
+        seen.see(bodies, rigid=True)
+        seen.see_motion([bodies], contact_of(1, 0, max(crate[2], 0)))
+        assert seen.largest_factor > 1e6
+
+
+def test_a_body_that_turns_is_not_drawn_larger_than_it_is():
+    """A bar from the origin turns by 0.2 rad: with the factor f its end is at (1, 0) + f (cos - 1, sin), which may be 1.05 long."""
+    angle = 0.2
+    bar = boxes(((1, 0.01, 0.01), (0.5, 0, 0)), moved=(STILL,))
+    turn = np.array([[np.cos(angle), -np.sin(angle), 0], [np.sin(angle), np.cos(angle), 0], [0, 0, 1]])
+    bar.point_data["displacement"] = bar.points @ turn.T - bar.points
+    seen = Framed()
+    seen.see(bar, rigid=True)
+    seen.see_motion([bar], None)
+    f = seen.largest_factor
+    assert np.hypot(1 + f * (np.cos(angle) - 1), f * np.sin(angle)) == pytest.approx(1.05, rel=1e-6)
+    moved = Framed()
+    bar.point_data["displacement"] = np.tile([3.0, -2.0, 1.0], (bar.n_points, 1))
+    moved.see(bar, rigid=True)
+    moved.see_motion([bar], None)
+    assert moved.largest_factor > 1e6
+
+
+def test_what_bends_is_exaggerated_at_will():
+    """A cushion pressed to nine tenths of its height keeps its contact, though its middle comes down."""
+    cushion, floor = boxes(CRATE, moved=(STILL,)), boxes(FLOOR, moved=(STILL,))
+    floor.cell_data["body"] = np.full(floor.n_cells, 1)
+    cushion.point_data["displacement"] = np.column_stack([np.zeros((cushion.n_points, 2)), -0.1 * cushion.points[:, 2]])
+    seen = Framed()
+    seen.see(floor, rigid=True)
+    seen.see(cushion, rigid=False)
+    seen.see_motion([floor, cushion], contact_of(0, 1, 0.0))
+    assert seen.largest_factor > 1e6

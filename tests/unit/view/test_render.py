@@ -137,6 +137,7 @@ def test_automatic_exaggeration_shows_5_to_8_percent(run_directory):
     assert scene._automatic(1.0, 1e-14) == 1.0  # round-off of a state at rest
     for moved in 10 ** np.random.default_rng(0).uniform(-9, np.log10(0.05), 200):
         assert 0.05 <= scene._automatic(1.0, moved) * moved <= 0.08 * (1 + 1e-9)
+    assert (scene._automatic(1.0, 1e-3, 7.9), scene._automatic(1.0, 1e-3, 1.2), scene._automatic(1.0, 1e-3, 1e3)) == (6.0, 1.0, 80.0)
     with pytest.raises(InputError, match="exaggeration"):
         scene.survey(run, run.instants, -1.0)
 
