@@ -17,6 +17,8 @@ from fcsim.masonry import analyse, limit_problem, masonry_of_mesh, pushed, read_
 from fcsim.mesh.solids.mesh_skin import pieces_of, skin_of
 from fcsim.runtime import gmsh_model
 
+pytestmark = pytest.mark.usefixtures("read_here")
+
 TOGETHER = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1]])
 
 

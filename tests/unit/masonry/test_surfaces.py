@@ -11,6 +11,7 @@ from fcsim.errors import InputError
 from fcsim.masonry import Acceleration, analyse, bracket, masonry_of_surfaces, pushed, read_model
 
 trimesh = pytest.importorskip("trimesh")
+pytestmark = pytest.mark.usefixtures("read_here")
 
 
 @pytest.fixture

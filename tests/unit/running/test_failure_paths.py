@@ -71,6 +71,8 @@ def build(p):
 """
 QUIET = ("--export-every", "0", "--vtk-every", "0")
 
+pytestmark = pytest.mark.usefixtures("read_here")
+
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
