@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,7 +13,7 @@ from fcsim.brief import brief
 from fcsim.linear.sparse.by_ranks import CONTACTS_FROM
 from fcsim.problem._delassus_kernels import bodies_of_contacts
 from fcsim.problem.bodies._shares_kernels import sides_of_pairs
-from fcsim.problem.bodies.shares import Run
+from fcsim.problem.bodies.shares import Run, by_matrices
 from fcsim.ranks import World, for_parts, in_parts
 
 
@@ -71,11 +71,11 @@ class BodiesOverRanks:
         asked = np.zeros(self.count, dtype=bool)
         asked[world.gathered(foreign, counts)] = True
         matrices, kind = [], np.full(self.count, -1)
-        for k, (bodies, own) in enumerate(self._own(wanted)):
+        for k, (bodies, own) in enumerate(by_matrices(self.runs, wanted)):
             kind[bodies] = k
             matrices.append(own)
         # what others ask for: (body, number of its matrix among those sent), sizes of matrices, entries
-        sent = list(self._own(asked))
+        sent = list(by_matrices(self.runs, asked))
         numbers = [np.stack([bodies, np.full(len(bodies), k)], axis=1).ravel() for k, (bodies, _) in enumerate(sent)]
         told = np.concatenate([np.empty(0, dtype=np.int64), *numbers])
         sizes = np.array([len(C) for _, C in sent], dtype=np.int64)
@@ -91,17 +91,6 @@ class BodiesOverRanks:
             kind[body[mine & (number == k)]] = len(matrices)
             matrices.append(entries[ends[k] - sizes[k] ** 2 : ends[k]].reshape(sizes[k], sizes[k]).copy())
         return Compliances(tuple(matrices), kind)
-
-    def _own(self, wanted: BoolArray) -> Iterator[tuple[IntArray, FloatArray]]:
-        """Of this rank's bodies among those wanted, the bodies that share a C (k, k), and this."""
-        known: dict[tuple[int, int], tuple[list[IntArray], FloatArray]] = {}
-        for begin, C, kind in self.runs:
-            on = np.flatnonzero(wanted[begin : begin + len(kind)])
-            for k in np.unique(kind[on]):
-                place = C[k].__array_interface__["data"][0], C.shape[1]  # runs of one part have the same matrix
-                known.setdefault(place, ([], C[k]))[0].append(begin + on[kind[on] == k])
-        for bodies, own in known.values():
-            yield np.concatenate(bodies), own
 
 
 def bodies_by_ranks(H: sp.csc_array, body: IntArray, d: int) -> tuple[IntArray, bool]:

@@ -6,20 +6,19 @@ compliant motions: of others' bodies a rank knows h, as of all, and asks their o
 
 from __future__ import annotations
 
-from functools import cached_property, partial
+from functools import cached_property
 
 import numpy as np
 
 from fcsim.arrays import BoolArray, FloatArray, IntArray
-from fcsim.problem.bodies.shares import EIGEN_UP_TO, compliant_motions
+from fcsim.problem.bodies.shares import EIGEN_UP_TO
 from fcsim.problem.distributed import BodiesOverRanks, ContactParts, DistributedDelassus, Halo, SharesByParts
 from fcsim.solvers.newton.systems.two_level import _joint_kernels as kernels
-from fcsim.solvers.newton.systems.two_level.joints import JOINT_UP_TO, MOTIONS, SHIFT, WORK_A_PIECE, numbers_of_pairs
-from fcsim.solvers.newton.systems.two_level.over_ranks import _joint_kernels as own_kernels
+from fcsim.solvers.newton.systems.two_level.joints import JOINT_UP_TO, MOTIONS, SHIFT, WORK_A_PIECE, BodiesBehind, numbers_of_pairs
 from fcsim.solvers.newton.systems.two_level.over_ranks.coarse import CoarsePattern
 from fcsim.solvers.newton.systems.two_level.over_ranks.guests import Guests
 from fcsim.solvers.newton.systems.two_level.over_ranks.patches import JointsOfAll
-from fcsim.threads import pieces_by_work, side_by_side
+from fcsim.threads import pieces_by_work
 
 Pairs = tuple[IntArray, IntArray, IntArray, IntArray]
 
@@ -120,13 +119,8 @@ class OwnJoints:
     def _fill(self, pairs: IntArray, h: tuple[IntArray, IntArray, FloatArray], matrices: tuple[FloatArray, ...], kind: IntArray) -> None:
         """G and E from the bodies' compliances, matrices[kind[b]] that of body b; pairs: of the contacts `order`; h: begins, unknowns,
         weights."""
-        k, d = MOTIONS, self.d
-        motions = [compliant_motions(C, k) for C in matrices]
-        rows = np.array([len(C) for C in matrices], dtype=np.int64)
-        left = np.concatenate([np.empty(0), *((C - L @ L.T).ravel() for C, L in zip(matrices, motions, strict=True))])
-        G = np.zeros((len(self.order), d, 2 * k))
-        L = np.concatenate([np.empty(0), *(own.ravel() for own in motions)])
-        own_kernels.modes_of_contacts(pairs, self.bodies, *h, L, _begins(k * rows, kind), G)
+        k, d, behind = MOTIONS, self.d, BodiesBehind(pairs, h, matrices, kind)
+        G = behind.modes(self.bodies, d)
         self.modes = G, self.bodies, self.body_begins, self.listed
         self.G32 = G[: len(self.parts.own)].astype(np.float32)
         inner, sizes, listed = np.diff(self.cuts), np.diff(self.begins), np.diff(self.body_begins)
@@ -134,10 +128,8 @@ class OwnJoints:
         self.starts, self.Q_starts = _ends((d * sizes) ** 2), _ends(d * d * sizes * inner)
         self.R_starts, self.T_starts = _ends(d * inner * listed * k), _ends(own * listed * k**2)
         self.E = np.empty(self.starts[-1], dtype=np.float32)
-        compliances = (left, _begins(rows**2, kind), rows[kind] if len(rows) else kind)
-        given = (pairs, self.bodies, h, compliances, (self.begins, self.wide), (self.body_begins, self.listed), self.starts, d)
         self.ranges = pieces_by_work(self.starts, WORK_A_PIECE)
-        side_by_side([partial(own_kernels.joint_blocks_of_bodies, *given, begin, end, self.E) for begin, end in self.ranges])
+        behind.blocks(self.bodies, (self.begins, self.wide), (self.body_begins, self.listed), self.starts, d, self.ranges, self.E)
 
     def _find_coarse(self, rank: IntArray, first: BoolArray) -> None:
         """The coarse matrix by blocks, of all ranks' joints: their (own body, body), and the diagonal; rank (bodies,): whose each is; first
@@ -181,11 +173,6 @@ def parts_by_joints(W: DistributedDelassus, behind: BodiesOverRanks, bodies: Int
         contacts[of_joints[k]] += np.count_nonzero(joint == k)
     owner[between] = of_joints[joint]
     return ContactParts(W.layout.world, owner, numbers)
-
-
-def _begins(sizes: IntArray, kind: IntArray) -> IntArray:
-    """Where the matrix kind[b] of each body begins among matrices of these sizes, one after the other."""
-    return _ends(sizes)[kind]
 
 
 def _ends(sizes: IntArray) -> IntArray:
