@@ -27,16 +27,18 @@ class Compliances:
 
 @dataclass(frozen=True, eq=False)
 class BodiesOverRanks:
-    """make_h: what makes h of all bodies and contacts anew, which few steps ask for, by pairs of both as in `BodyShares` (first,
-    contacts, begins, unknowns, weights); bodies (nc, 2): of each contact, ascending, -1 where it has
+    """make_h: what makes h of all bodies and of some contacts (k,), numbered by their places, None: all of them, anew, which few steps ask
+    for, by pairs of both as in `BodyShares` (first, contacts, begins, unknowns, weights); made_of: from which very objects it follows where
+    h has entries, none: not known; bodies (nc, 2): of each contact, ascending, -1 where it has
     one alone, None where a contact has three; runs: the compliances of this rank's bodies; rank (bodies,): whose each body is; nc: the
     number of contacts."""
 
-    make_h: Callable[[], tuple[IntArray, IntArray, IntArray, IntArray, FloatArray]]
+    make_h: Callable[[IntArray | None], tuple[IntArray, IntArray, IntArray, IntArray, FloatArray]]
     bodies: IntArray | None
     runs: tuple[Run, ...]
     rank: IntArray
     nc: int
+    made_of: tuple[object, ...] = ()
 
     __repr__ = brief
 
@@ -45,11 +47,17 @@ class BodiesOverRanks:
         """The number of bodies."""
         return len(self.rank)
 
-    def pairs(self, first: IntArray, contacts: IntArray) -> IntArray:
-        """The pairs (nc, 2) of h that belong to `bodies`, -1 where there is none; first, contacts: of h."""
-        bodies, side = np.full((self.nc, 2), -1), np.empty(len(contacts), dtype=np.int64)
+    def has_entries_as(self, made_of: object) -> bool:
+        """Whether h has entries where that one had them whose `made_of` this is, without a look at them."""
+        known = isinstance(made_of, tuple) and len(made_of) == len(self.made_of) > 0
+        return known and all(mine is other for mine, other in zip(self.made_of, made_of, strict=True))
+
+    @staticmethod
+    def pairs(first: IntArray, contacts: IntArray, nc: int) -> IntArray:
+        """The pairs (nc, 2) of h that belong to the bodies of each of nc contacts, -1 where there is none; first, contacts: of h."""
+        bodies, side = np.full((nc, 2), -1), np.empty(len(contacts), dtype=np.int64)
         sides_of_pairs(first, contacts, bodies, side)
-        pairs = np.full((self.nc, 2), -1)
+        pairs = np.full((nc, 2), -1)
         pairs[contacts, side] = np.arange(len(side))
         return pairs
 

@@ -36,7 +36,7 @@ PATTERN: tuple[str, ...] = (
     "in_halo",
     "guests",
 )
-PATTERN += ("place_begins", "places", "coarse", "coarse_between", "precision", "entries", "of_all")
+PATTERN += ("place_begins", "places", "coarse", "coarse_between", "precision", "entries", "of_all", "made_of")
 """What joints have from where W and h have entries, and not from their numbers: it serves again where those are there again."""
 
 
@@ -49,25 +49,41 @@ class OwnJoints:
         world, layout = W.layout.world, W.layout
         self.d, self.count = layout.dimension, behind.count
         self.all_bodies, self.diagonal_of_W = bodies, W.diagonal().reshape(-1, self.d)
-        sizes = behind.sizes(world)
-        with layout.together("joints of a rank"):
-            h = behind.make_h()
-            self.entries = (*h[:4], bodies, sizes, behind.rank, *layout.contacts)  # known to all: they take the same decision
-            before = earlier.get("entries")
-            alike = isinstance(before, tuple) and len(before) == len(self.entries)
-            if isinstance(before, tuple) and alike and all(map(np.array_equal, self.entries, before)):
-                vars(self).update(earlier)
-        if "halo" not in vars(self):
-            self._find_pattern(W, behind, h[:4], sizes)
+        self.made_of = behind.made_of
+        if behind.has_entries_as(earlier.get("made_of")):
+            vars(self).update(earlier)
+            with layout.together("joints of a rank"):
+                h = behind.make_h(self.order)
+                pairs = behind.pairs(*h[:2], len(self.order))
+        else:
+            h = self._found(W, behind, earlier)
+            pairs = behind.pairs(*h[:2], behind.nc)[self.order]
         wanted = np.zeros(self.count, dtype=bool)
         wanted[self.listed] = True
         compliances = behind.compliances(world, wanted)
         with layout.together("blocks of joints"):
-            self._fill(behind.pairs(*h[:2])[self.order], h[2:], compliances.matrices, compliances.kind)
+            self._fill(pairs, h[2:], compliances.matrices, compliances.kind)
             own = slice(0, len(self.parts.own))
             G = self.modes[0]
             left = self.diagonal_of_W[self.order[own]] - np.einsum("aij,aij->ai", G[own], G[own])
         self.shift = SHIFT * float(self.parts.summed(np.array([np.abs(left).sum()]))[0]) / self.diagonal_of_W.size
+
+    def _found(
+        self, W: DistributedDelassus, behind: BodiesOverRanks, earlier: dict[str, object]
+    ) -> tuple[IntArray, IntArray, IntArray, IntArray, FloatArray]:
+        """h of all contacts, by which PATTERN is that of an earlier W or is found anew."""
+        bodies, layout = self.all_bodies, W.layout
+        sizes = behind.sizes(layout.world)
+        with layout.together("joints of a rank"):
+            h = behind.make_h(None)
+            self.entries = (*h[:4], bodies, sizes, behind.rank, *layout.contacts)  # known to all: they take the same decision
+            before = earlier.get("entries")
+            alike = isinstance(before, tuple) and len(before) == len(self.entries)
+            if isinstance(before, tuple) and alike and all(map(np.array_equal, self.entries, before)):
+                vars(self).update(earlier | {"made_of": self.made_of})
+        if "halo" not in vars(self):
+            self._find_pattern(W, behind, h[:4], sizes)
+        return h
 
     @property
     def pattern(self) -> dict[str, object]:
