@@ -49,8 +49,9 @@ class BodiesOverRanks:
 
     def has_entries_as(self, made_of: object) -> bool:
         """Whether h has entries where that one had them whose `made_of` this is, without a look at them."""
-        known = isinstance(made_of, tuple) and len(made_of) == len(self.made_of) > 0
-        return known and all(mine is other for mine, other in zip(self.made_of, made_of, strict=True))
+        if not isinstance(made_of, tuple) or not len(made_of) == len(self.made_of) > 0:
+            return False
+        return all(mine is other for mine, other in zip(self.made_of, made_of, strict=True))
 
     @staticmethod
     def pairs(first: IntArray, contacts: IntArray, nc: int) -> IntArray:
