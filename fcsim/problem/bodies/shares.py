@@ -6,13 +6,13 @@ ones, which inertia alone resists, are thousands of times as compliant as the ot
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.sparse as sp
 
-from fcsim.arrays import FloatArray, IntArray, Matrix
+from fcsim.arrays import BoolArray, FloatArray, IntArray, Matrix
 from fcsim.brief import brief
 from fcsim.linear.storage import REAL, Work
 from fcsim.problem._delassus_kernels import entries_by_body
@@ -86,6 +86,18 @@ class BodyShares:
             L = np.stack([compliant_motions(own, k) for own in C]) if C.shape[1] else np.zeros((len(C), 0, k))
             add_modes(self.first, self.contacts, self.begins, self.unknowns, self.weights, begin, kind, L, side, G)
         return G
+
+
+def by_matrices(runs: Iterable[Run], wanted: BoolArray) -> Iterator[tuple[IntArray, FloatArray]]:
+    """Of the bodies `wanted` (bodies,) in `runs`, those that share a C (k, k), and this."""
+    known: dict[tuple[int, int], tuple[list[IntArray], FloatArray]] = {}
+    for begin, C, kind in runs:
+        on = np.flatnonzero(wanted[begin : begin + len(kind)])
+        for k in np.unique(kind[on]):
+            place = C[k].__array_interface__["data"][0], C.shape[1]  # runs of one part have the same matrix
+            known.setdefault(place, ([], C[k]))[0].append(begin + on[kind[on] == k])
+    for bodies, own in known.values():
+        yield np.concatenate(bodies), own
 
 
 def compliant_motions(C: FloatArray, k: int) -> FloatArray:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,7 +13,7 @@ from fcsim.brief import brief
 from fcsim.linear.sparse.by_ranks import CONTACTS_FROM
 from fcsim.problem._delassus_kernels import bodies_of_contacts
 from fcsim.problem.bodies._shares_kernels import sides_of_pairs
-from fcsim.problem.bodies.shares import Run
+from fcsim.problem.bodies.shares import Run, by_matrices
 from fcsim.ranks import World, for_parts, in_parts
 
 
@@ -27,16 +27,18 @@ class Compliances:
 
 @dataclass(frozen=True, eq=False)
 class BodiesOverRanks:
-    """make_h: what makes h of all bodies and contacts anew, which few steps ask for, by pairs of both as in `BodyShares` (first,
-    contacts, begins, unknowns, weights); bodies (nc, 2): of each contact, ascending, -1 where it has
+    """make_h: what makes h of all bodies and of some contacts (k,), numbered by their places, None: all of them, anew, which few steps ask
+    for, by pairs of both as in `BodyShares` (first, contacts, begins, unknowns, weights); made_of: from which very objects it follows where
+    h has entries, none: not known; bodies (nc, 2): of each contact, ascending, -1 where it has
     one alone, None where a contact has three; runs: the compliances of this rank's bodies; rank (bodies,): whose each body is; nc: the
     number of contacts."""
 
-    make_h: Callable[[], tuple[IntArray, IntArray, IntArray, IntArray, FloatArray]]
+    make_h: Callable[[IntArray | None], tuple[IntArray, IntArray, IntArray, IntArray, FloatArray]]
     bodies: IntArray | None
     runs: tuple[Run, ...]
     rank: IntArray
     nc: int
+    made_of: tuple[object, ...] = ()
 
     __repr__ = brief
 
@@ -45,11 +47,18 @@ class BodiesOverRanks:
         """The number of bodies."""
         return len(self.rank)
 
-    def pairs(self, first: IntArray, contacts: IntArray) -> IntArray:
-        """The pairs (nc, 2) of h that belong to `bodies`, -1 where there is none; first, contacts: of h."""
-        bodies, side = np.full((self.nc, 2), -1), np.empty(len(contacts), dtype=np.int64)
+    def has_entries_as(self, made_of: object) -> bool:
+        """Whether h has entries where that one had them whose `made_of` this is, without a look at them."""
+        if not isinstance(made_of, tuple) or not len(made_of) == len(self.made_of) > 0:
+            return False
+        return all(mine is other for mine, other in zip(self.made_of, made_of, strict=True))
+
+    @staticmethod
+    def pairs(first: IntArray, contacts: IntArray, nc: int) -> IntArray:
+        """The pairs (nc, 2) of h that belong to the bodies of each of nc contacts, -1 where there is none; first, contacts: of h."""
+        bodies, side = np.full((nc, 2), -1), np.empty(len(contacts), dtype=np.int64)
         sides_of_pairs(first, contacts, bodies, side)
-        pairs = np.full((self.nc, 2), -1)
+        pairs = np.full((nc, 2), -1)
         pairs[contacts, side] = np.arange(len(side))
         return pairs
 
@@ -71,11 +80,11 @@ class BodiesOverRanks:
         asked = np.zeros(self.count, dtype=bool)
         asked[world.gathered(foreign, counts)] = True
         matrices, kind = [], np.full(self.count, -1)
-        for k, (bodies, own) in enumerate(self._own(wanted)):
+        for k, (bodies, own) in enumerate(by_matrices(self.runs, wanted)):
             kind[bodies] = k
             matrices.append(own)
         # what others ask for: (body, number of its matrix among those sent), sizes of matrices, entries
-        sent = list(self._own(asked))
+        sent = list(by_matrices(self.runs, asked))
         numbers = [np.stack([bodies, np.full(len(bodies), k)], axis=1).ravel() for k, (bodies, _) in enumerate(sent)]
         told = np.concatenate([np.empty(0, dtype=np.int64), *numbers])
         sizes = np.array([len(C) for _, C in sent], dtype=np.int64)
@@ -91,17 +100,6 @@ class BodiesOverRanks:
             kind[body[mine & (number == k)]] = len(matrices)
             matrices.append(entries[ends[k] - sizes[k] ** 2 : ends[k]].reshape(sizes[k], sizes[k]).copy())
         return Compliances(tuple(matrices), kind)
-
-    def _own(self, wanted: BoolArray) -> Iterator[tuple[IntArray, FloatArray]]:
-        """Of this rank's bodies among those wanted, the bodies that share a C (k, k), and this."""
-        known: dict[tuple[int, int], tuple[list[IntArray], FloatArray]] = {}
-        for begin, C, kind in self.runs:
-            on = np.flatnonzero(wanted[begin : begin + len(kind)])
-            for k in np.unique(kind[on]):
-                place = C[k].__array_interface__["data"][0], C.shape[1]  # runs of one part have the same matrix
-                known.setdefault(place, ([], C[k]))[0].append(begin + on[kind[on] == k])
-        for bodies, own in known.values():
-            yield np.concatenate(bodies), own
 
 
 def bodies_by_ranks(H: sp.csc_array, body: IntArray, d: int) -> tuple[IntArray, bool]:

@@ -267,13 +267,16 @@ class StepCompliance:
             runs = tuple(self.factor.compliances(self._asked(H)))
             late = late_sum(W, runs)
             share = in_blocks(summed(W, runs), dimension) if late is None else late
-        return cast(Matrix, DistributedDelassus(layout, share, BodiesOverRanks(make_h, known.bodies, runs, rank, layout.nc)))
+        made_of = () if kept_as is None else (layout, *self.factor.places)
+        return cast(Matrix, DistributedDelassus(layout, share, BodiesOverRanks(make_h, known.bodies, runs, rank, layout.nc, made_of)))
 
-    def _entries_by_body(self, H: sp.sparray, dimension: int) -> tuple[IntArray, IntArray, IntArray, IntArray, FloatArray]:
-        """h of all bodies, see `entries_by_body`."""
+    def _entries_by_body(
+        self, H: sp.sparray, dimension: int, some: IntArray | None = None
+    ) -> tuple[IntArray, IntArray, IntArray, IntArray, FloatArray]:
+        """h of all bodies and the contacts `some` (k,), None: all of them, see `entries_by_body`."""
         on, count = self._on_compliances(sp.csc_array(H)), len(self.factor.ranks())
-        every = np.arange(H.shape[1] // dimension)
-        return entries_by_body(on.indptr, on.indices, on.data, *self.factor.places, count, dimension, every)
+        some = np.arange(H.shape[1] // dimension) if some is None else some
+        return entries_by_body(on.indptr, on.indices, on.data, *self.factor.places, count, dimension, some)
 
     def _asked(self, H: sp.csc_array) -> BoolArray:
         """Which rows (n,) of H have entries, as `SystemFactor.compliances` asks; none where no body has a factor of its own, which alone

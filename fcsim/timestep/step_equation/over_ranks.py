@@ -36,7 +36,7 @@ class KnownLayout:
 
 
 def layout_of(
-    factor: SystemFactor, shares: Shares, H: sp.csc_array, given: sp.sparray, dimension: int, make_h: Callable[[], OfBodies]
+    factor: SystemFactor, shares: Shares, H: sp.csc_array, given: sp.sparray, dimension: int, make_h: Callable[[None], OfBodies]
 ) -> KnownLayout:
     """The layout of H (n_dofs, m) on the compliances, of the problem's H, given: the last one again where this has the very arrays that it
     had then. make_h: h of all bodies. All ranks must ask."""
@@ -49,7 +49,7 @@ def layout_of(
     body, rank = factor.places[0], factor.ranks()
     nc, count, (bodies, more) = H.shape[1] // dimension, len(rank), bodies_by_ranks(H, body, dimension)
     if more:
-        first, contacts = make_h()[:2]
+        first, contacts = make_h(None)[:2]
         of_pairs = np.repeat(np.arange(count), np.diff(first))
     else:
         contacts, side = np.nonzero(bodies >= 0)

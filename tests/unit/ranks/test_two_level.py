@@ -80,10 +80,14 @@ def test_each_joint_is_one_rank_s_and_so_is_its_memory(shared: Any, ranks: int) 
 
 @pytest.mark.parametrize("ranks", RANKS)
 def test_joints_take_over_what_follows_from_where_h_has_entries(shared: Any, ranks: int) -> None:
-    """Where it has them where it had them, and the blocks are those of joints without anything earlier."""
+    """Where it has them where it had them, and the blocks are those of joints without anything earlier. Where nothing need be compared for
+    that h is made of a rank's own contacts and those around them alone."""
     for rank in shared(ranks):
-        assert rank["taken over"] == [True, False]
-        assert rank["the same"] == [True, True]
+        assert rank["taken over"] == [True, True, False]
+        assert rank["the same"] == [True, True, True]
+        asked, around, every = rank["contacts of h"]
+        assert asked == [around, every]
+        assert around < every
 
 
 @pytest.mark.parametrize("ranks", RANKS)

@@ -82,9 +82,17 @@ def made_together(W: DistributedDelassus) -> dict[str, object]:
     assert bodies is not None
     joints = OwnJoints(W, behind, bodies, {})
     parts = joints.parts
-    again = OwnJoints(W, behind, bodies, joints.pattern)
+    asked: list[int] = []
+
+    def make_h(some: np.ndarray | None) -> tuple[np.ndarray, ...]:
+        asked.append(W.layout.nc if some is None else len(some))
+        return behind.make_h(some)
+
+    counted = replace(behind, make_h=make_h)
+    again = OwnJoints(W, counted, bodies, joints.pattern)
+    compared = OwnJoints(W, counted, bodies, joints.pattern | {"made_of": ()})
     moved = (np.roll(joints.entries[0], 1), *joints.entries[1:])
-    other = OwnJoints(W, behind, bodies, joints.pattern | {"entries": moved})
+    other = OwnJoints(W, behind, bodies, joints.pattern | {"entries": moved, "made_of": ()})
     x = np.random.default_rng(2).standard_normal((W.layout.nc, W.layout.dimension))
     own = x[parts.own]
     A, B = linearisation(len(x), float(W.diagonal().mean()))
@@ -114,8 +122,9 @@ def made_together(W: DistributedDelassus) -> dict[str, object]:
         "halo": joints.halo.contacts.tolist(),
         "joined": [joined[0].tolist(), joined[1], joined[2].tolist()],
         "entries": len(joints.E),
-        "taken over": [new.halo is joints.halo and new.coarse is joints.coarse for new in (again, other)],
-        "the same": [np.array_equal(new.E, joints.E) and np.array_equal(new.order, joints.order) for new in (again, other)],
+        "taken over": [new.halo is joints.halo and new.coarse is joints.coarse for new in (again, compared, other)],
+        "contacts of h": [asked, len(joints.order), W.layout.nc],
+        "the same": [np.array_equal(new.E, joints.E) and np.array_equal(new.order, joints.order) for new in (again, compared, other)],
         **in_patches(W, A, B, x),
         "refused": kept.following(bodies, 2 * joints.diagonal_of_W) is None,
     }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ from fcsim.problem.delassus_sum import DelassusSum
 from fcsim.running.case import load_case
 from fcsim.running.parameters import parse_parameters
 from fcsim.solvers.base import Status
+from fcsim.timestep.chain import SolverSettings
 
 WALL = Path(__file__).resolve().parents[3] / "cases" / "masonry_wall"
 
@@ -36,6 +38,19 @@ def test_entries_are_summed_for_a_factor_alone(monkeypatch: pytest.MonkeyPatch) 
         assert step.result.status is Status.SOLVED
         number = step.number + 1
     assert sums == [2]
+
+
+def test_two_levels_take_joints_from_the_bodies(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where GMRES solves Newton's systems no entry of W is summed, from zero neither."""
+
+    def read(shares: LateSum) -> FloatArray:
+        raise AssertionError("entries of W are summed")
+
+    monkeypatch.setattr(LateSum, "entries", read)
+    script = load_case(WALL)
+    simulation = script.build(parse_parameters(script, {"steps": "3"})).simulation
+    settings = SolverSettings(name="NSN-AC", tol=1e-6, options={"linear": "two-level"}, fallback=())
+    assert [step.result.status for step in replace(simulation, solver=settings)] == [Status.SOLVED] * 3
 
 
 def test_auto_sums_entries_no_more_often(monkeypatch: pytest.MonkeyPatch) -> None:

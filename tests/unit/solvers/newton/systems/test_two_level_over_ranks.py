@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from numpy.testing import assert_allclose
+import scipy.sparse as sp
+from numpy.testing import assert_allclose, assert_array_equal
 
 from fcsim.linear.elimination_tree import elimination_tree
+from fcsim.linear.joints import BlockRows
+from fcsim.linear.late.late_rows import source_of
 from fcsim.linear.over_ranks._krylov_kernels import less_combination
 from fcsim.linear.over_ranks.krylov import gmres_over_ranks
 from fcsim.problem.bodies.shares import compliant_motions
+from fcsim.solvers.newton.systems.two_level import _body_kernels as kernels
 from fcsim.solvers.newton.systems.two_level.joints import MOTIONS, Joints
 from fcsim.solvers.newton.systems.two_level.over_ranks import _coarse_kernels as coarse
-from fcsim.solvers.newton.systems.two_level.over_ranks import _joint_kernels as kernels
-from tests.unit.solvers.newton.systems.test_two_level import shares_and_rows, step_of
+from tests.unit.solvers.newton.systems.test_two_level import shares_and_rows, step_of, walls
 
 
 def test_blocks_and_motions_of_joints_from_bodies_are_those_from_W() -> None:
@@ -43,6 +46,21 @@ def test_blocks_and_motions_of_joints_from_bodies_are_those_from_W() -> None:
     last = len(joints.cuts) - 1
     kernels.joint_blocks_of_bodies(own, bodies, h, compliances, (joints.begins, joints.wide), listing, joints.starts, 3, 0, last, E)
     assert_allclose(E, joints.E, atol=1e-6 * np.abs(joints.E).max())
+
+
+def test_joints_of_a_late_sum_are_those_from_its_entries() -> None:
+    """Where W is made of bodies' shares E and G come from these, to the single precision in which E is kept, and the same joints."""
+    operator = next(walls(courses="4", blocks="3.5")).reduction.local.delassus
+    assert operator.shares is not None and source_of(operator.W) is not None
+    shares = operator.shares.make()
+    found = shares.bodies()
+    assert found is not None
+    by_bodies = Joints(BlockRows(operator.W, 3), shares, *found)
+    by_entries = Joints(BlockRows(sp.bsr_array(operator.W.toarray(), blocksize=(3, 3)), 3), shares, *found)
+    assert_array_equal(by_bodies.wide, by_entries.wide)
+    assert_allclose(by_bodies.modes[0], by_entries.modes[0], atol=1e-13 * np.abs(by_entries.modes[0]).max())
+    assert_allclose(by_bodies.E, by_entries.E, atol=1e-6 * np.abs(by_entries.E).max())
+    assert by_bodies.shift == pytest.approx(by_entries.shift, rel=1e-9)
 
 
 def grid(rng: np.random.Generator, side: int, k: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

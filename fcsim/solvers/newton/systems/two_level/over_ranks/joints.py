@@ -6,20 +6,19 @@ compliant motions: of others' bodies a rank knows h, as of all, and asks their o
 
 from __future__ import annotations
 
-from functools import cached_property, partial
+from functools import cached_property
 
 import numpy as np
 
 from fcsim.arrays import BoolArray, FloatArray, IntArray
-from fcsim.problem.bodies.shares import EIGEN_UP_TO, compliant_motions
+from fcsim.problem.bodies.shares import EIGEN_UP_TO
 from fcsim.problem.distributed import BodiesOverRanks, ContactParts, DistributedDelassus, Halo, SharesByParts
 from fcsim.solvers.newton.systems.two_level import _joint_kernels as kernels
-from fcsim.solvers.newton.systems.two_level.joints import JOINT_UP_TO, MOTIONS, SHIFT, WORK_A_PIECE, numbers_of_pairs
-from fcsim.solvers.newton.systems.two_level.over_ranks import _joint_kernels as own_kernels
+from fcsim.solvers.newton.systems.two_level.joints import JOINT_UP_TO, MOTIONS, SHIFT, WORK_A_PIECE, BodiesBehind, numbers_of_pairs
 from fcsim.solvers.newton.systems.two_level.over_ranks.coarse import CoarsePattern
 from fcsim.solvers.newton.systems.two_level.over_ranks.guests import Guests
 from fcsim.solvers.newton.systems.two_level.over_ranks.patches import JointsOfAll
-from fcsim.threads import pieces_by_work, side_by_side
+from fcsim.threads import pieces_by_work
 
 Pairs = tuple[IntArray, IntArray, IntArray, IntArray]
 
@@ -37,7 +36,7 @@ PATTERN: tuple[str, ...] = (
     "in_halo",
     "guests",
 )
-PATTERN += ("place_begins", "places", "coarse", "coarse_between", "precision", "entries", "of_all")
+PATTERN += ("place_begins", "places", "coarse", "coarse_between", "precision", "entries", "of_all", "made_of")
 """What joints have from where W and h have entries, and not from their numbers: it serves again where those are there again."""
 
 
@@ -50,25 +49,41 @@ class OwnJoints:
         world, layout = W.layout.world, W.layout
         self.d, self.count = layout.dimension, behind.count
         self.all_bodies, self.diagonal_of_W = bodies, W.diagonal().reshape(-1, self.d)
-        sizes = behind.sizes(world)
-        with layout.together("joints of a rank"):
-            h = behind.make_h()
-            self.entries = (*h[:4], bodies, sizes, behind.rank, *layout.contacts)  # known to all: they take the same decision
-            before = earlier.get("entries")
-            alike = isinstance(before, tuple) and len(before) == len(self.entries)
-            if isinstance(before, tuple) and alike and all(map(np.array_equal, self.entries, before)):
-                vars(self).update(earlier)
-        if "halo" not in vars(self):
-            self._find_pattern(W, behind, h[:4], sizes)
+        self.made_of = behind.made_of
+        if behind.has_entries_as(earlier.get("made_of")):
+            vars(self).update(earlier)
+            with layout.together("joints of a rank"):
+                h = behind.make_h(self.order)
+                pairs = behind.pairs(*h[:2], len(self.order))
+        else:
+            h = self._found(W, behind, earlier)
+            pairs = behind.pairs(*h[:2], behind.nc)[self.order]
         wanted = np.zeros(self.count, dtype=bool)
         wanted[self.listed] = True
         compliances = behind.compliances(world, wanted)
         with layout.together("blocks of joints"):
-            self._fill(behind.pairs(*h[:2])[self.order], h[2:], compliances.matrices, compliances.kind)
+            self._fill(pairs, h[2:], compliances.matrices, compliances.kind)
             own = slice(0, len(self.parts.own))
             G = self.modes[0]
             left = self.diagonal_of_W[self.order[own]] - np.einsum("aij,aij->ai", G[own], G[own])
         self.shift = SHIFT * float(self.parts.summed(np.array([np.abs(left).sum()]))[0]) / self.diagonal_of_W.size
+
+    def _found(
+        self, W: DistributedDelassus, behind: BodiesOverRanks, earlier: dict[str, object]
+    ) -> tuple[IntArray, IntArray, IntArray, IntArray, FloatArray]:
+        """h of all contacts, by which PATTERN is that of an earlier W or is found anew."""
+        bodies, layout = self.all_bodies, W.layout
+        sizes = behind.sizes(layout.world)
+        with layout.together("joints of a rank"):
+            h = behind.make_h(None)
+            self.entries = (*h[:4], bodies, sizes, behind.rank, *layout.contacts)  # known to all: they take the same decision
+            before = earlier.get("entries")
+            alike = isinstance(before, tuple) and len(before) == len(self.entries)
+            if isinstance(before, tuple) and alike and all(map(np.array_equal, self.entries, before)):
+                vars(self).update(earlier | {"made_of": self.made_of})
+        if "halo" not in vars(self):
+            self._find_pattern(W, behind, h[:4], sizes)
+        return h
 
     @property
     def pattern(self) -> dict[str, object]:
@@ -120,13 +135,8 @@ class OwnJoints:
     def _fill(self, pairs: IntArray, h: tuple[IntArray, IntArray, FloatArray], matrices: tuple[FloatArray, ...], kind: IntArray) -> None:
         """G and E from the bodies' compliances, matrices[kind[b]] that of body b; pairs: of the contacts `order`; h: begins, unknowns,
         weights."""
-        k, d = MOTIONS, self.d
-        motions = [compliant_motions(C, k) for C in matrices]
-        rows = np.array([len(C) for C in matrices], dtype=np.int64)
-        left = np.concatenate([np.empty(0), *((C - L @ L.T).ravel() for C, L in zip(matrices, motions, strict=True))])
-        G = np.zeros((len(self.order), d, 2 * k))
-        L = np.concatenate([np.empty(0), *(own.ravel() for own in motions)])
-        own_kernels.modes_of_contacts(pairs, self.bodies, *h, L, _begins(k * rows, kind), G)
+        k, d, behind = MOTIONS, self.d, BodiesBehind(pairs, h, matrices, kind)
+        G = behind.modes(self.bodies, d)
         self.modes = G, self.bodies, self.body_begins, self.listed
         self.G32 = G[: len(self.parts.own)].astype(np.float32)
         inner, sizes, listed = np.diff(self.cuts), np.diff(self.begins), np.diff(self.body_begins)
@@ -134,10 +144,8 @@ class OwnJoints:
         self.starts, self.Q_starts = _ends((d * sizes) ** 2), _ends(d * d * sizes * inner)
         self.R_starts, self.T_starts = _ends(d * inner * listed * k), _ends(own * listed * k**2)
         self.E = np.empty(self.starts[-1], dtype=np.float32)
-        compliances = (left, _begins(rows**2, kind), rows[kind] if len(rows) else kind)
-        given = (pairs, self.bodies, h, compliances, (self.begins, self.wide), (self.body_begins, self.listed), self.starts, d)
         self.ranges = pieces_by_work(self.starts, WORK_A_PIECE)
-        side_by_side([partial(own_kernels.joint_blocks_of_bodies, *given, begin, end, self.E) for begin, end in self.ranges])
+        behind.blocks(self.bodies, (self.begins, self.wide), (self.body_begins, self.listed), self.starts, d, self.ranges, self.E)
 
     def _find_coarse(self, rank: IntArray, first: BoolArray) -> None:
         """The coarse matrix by blocks, of all ranks' joints: their (own body, body), and the diagonal; rank (bodies,): whose each is; first
@@ -181,11 +189,6 @@ def parts_by_joints(W: DistributedDelassus, behind: BodiesOverRanks, bodies: Int
         contacts[of_joints[k]] += np.count_nonzero(joint == k)
     owner[between] = of_joints[joint]
     return ContactParts(W.layout.world, owner, numbers)
-
-
-def _begins(sizes: IntArray, kind: IntArray) -> IntArray:
-    """Where the matrix kind[b] of each body begins among matrices of these sizes, one after the other."""
-    return _ends(sizes)[kind]
 
 
 def _ends(sizes: IntArray) -> IntArray:
