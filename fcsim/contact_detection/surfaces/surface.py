@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from fcsim.arrays import BoolArray, FloatArray, IntArray, is_number
 from fcsim.brief import brief, shown
 from fcsim.contact_detection.surfaces.parents import Parents
-from fcsim.errors import InputError
+from fcsim.errors import InputError, expect
 
 CandidateRule = Literal["nodes", "faces", "gauss", "mortar", "mortar-faces", "segments"]
 NormalRule = Literal["facet", "smooth"]
@@ -107,6 +107,8 @@ class SurfacePair:
 
     def __post_init__(self) -> None:
         what = f"SurfacePair {self.name!r}" if self.name else "SurfacePair"
+        for role, surface in (("slave", self.slave), ("master", self.master)):
+            expect(surface, ContactSurface, f"{what}, {role}", "a surface, as contact_surface(model, [('block', 'z-')]) gives")
         if not (is_number(self.mu) and self.mu >= 0):
             raise InputError(f"{what}: expected a friction coefficient mu >= 0, got {shown(self.mu)}")
         if not (is_number(self.alert) and self.alert >= 0):

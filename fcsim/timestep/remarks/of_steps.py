@@ -21,6 +21,7 @@ from fcsim.timestep.remarks.of_laws.struck_together import struck_together
 from fcsim.timestep.remarks.of_laws.turned_slip import turned_slip
 from fcsim.timestep.remarks.of_shapes.chords import Chords
 from fcsim.timestep.remarks.of_shapes.corners import Corners
+from fcsim.timestep.remarks.of_shapes.entered import Entered
 from fcsim.timestep.remarks.of_shapes.few_facets import FewFacets
 from fcsim.timestep.remarks.spinning import spinning
 from fcsim.timestep.step import Step
@@ -33,7 +34,7 @@ class StepRemarks:
         self._detection, self._steps, self._snapping, self._inertia = detection, steps, Snapping(), LumpedInertia()
         self._buckled, self._carried, self._chords = Buckled(), CarriedRound(), Chords(detection, steps)
         self._rolled, self._few = RolledOn(), FewFacets(detection, steps)
-        self._corners = Corners()
+        self._corners, self._entered = Corners(), Entered(detection, steps)
 
     def __call__(self, step: Step, found: Deformation, when: str, said: frozenset[str]) -> dict[str, str]:
         """Remarks by kind, of those kinds that are not among the `said`."""
@@ -55,4 +56,5 @@ class StepRemarks:
             | self._chords(step, when, said)
             | self._few(step, when, said)
             | self._corners(step, found, when, said)
+            | self._entered(step, when, said)
         )

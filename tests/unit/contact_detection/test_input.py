@@ -47,6 +47,7 @@ def test_surface(facets: Any, bodies: Any, message: str) -> None:
         ({"alert": np.inf}, "alert distance"),
         ({"candidates": "edges"}, "nodes, faces, gauss, mortar, mortar-faces, segments, got 'edges'"),
         ({"slave": LINE}, "slave 2D, master 3D"),
+        ({"master": ("block", "z-")}, r"'joint', master: expected a surface, as contact_surface\(model"),
     ],
 )
 def test_pair(changes: dict[str, Any], message: str) -> None:

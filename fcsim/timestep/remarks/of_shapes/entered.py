@@ -1,0 +1,63 @@
+"""What is said of pairs of surfaces whose slave is too coarse: the master's nodes go into it between the slave's points."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from fcsim.contact_detection import Detection, Detector, SurfacePair
+from fcsim.contact_detection.detection import innermost
+from fcsim.timestep.remarks.coarse import looked_at
+from fcsim.timestep.step import Step
+
+_POINTWISE = ("nodes", "faces", "gauss")
+NAMED = 0.06
+"""Of how far the bodies are deformed: surfaces that lie in each other by more, in the mean, are named. It is about the share by which the
+bodies give way too much. Blocks on blocks in the plane: 0.002 where the slave's facets are as long as the master's or shorter, 0.05 where
+twice as long (5.9 % too soft), 0.07 five times (8.2 %), 0.46 fifty times (87 %)."""
+SEEN = 1e-9
+"""Of the smaller body's size: less depth than this is round-off."""
+
+
+class Entered:
+    """The remark on the first pair of surfaces in one pass whose master's nodes lie within the slave where that bears, in the mean over
+    them by more than `NAMED` of how far the contacts deform bodies, twice the elastic energy over the sum of their forces: the slave's few
+    points bear what should be spread. The same pairs the other way round are the measure.
+
+    Steps 1, 4, 16, ... and the last are looked at, in dynamics not the first one: forces act there on bodies that are not deformed yet.
+    """
+
+    def __init__(self, detection: Detection, steps: int) -> None:
+        self._detection, self._steps = innermost(detection), steps
+
+    def __call__(self, step: Step, when: str, said: frozenset[str]) -> dict[str, str]:
+        """The remark, {} where there is none."""
+        model, detection = step.model, self._detection
+        if "entered" in said or not model.deformable or not (looked_at(step.number) or step.number == self._steps):
+            return {}
+        if step.number == 1 and step.scheme.timing.moving:
+            return {}
+        force = step.contact_force[:, 0]
+        if not isinstance(detection, Detector) or not (force > 0).any():
+            return {}
+        motion, size = 2.0 * step.energy.elastic / float(force.sum()), step.encounter.meeting.proportions.size
+        contacts, x = step.contacts, model.positions(step.state.x)
+        bears = np.zeros(model.n_nodes, dtype=bool)
+        real = (contacts.nodes >= 0) & (force > 0)[:, None]
+        bears[contacts.nodes[real]] = True
+        for number, pair in enumerate(detection.pairs):
+            if pair.candidates not in _POINTWISE:
+                continue
+            back = SurfacePair(pair.master, pair.slave, 0.0, pair.alert, "nodes", normals=pair.normals)
+            there = Detector([back], model.n_nodes, detection.edge_tolerance, detection.penetration)(x)
+            under = there.take((bears[there.nodes] & (there.nodes >= 0) & (there.weights < 0)).any(axis=1))
+            depth = float(np.maximum(-under.gap, 0.0).mean()) if len(under) else 0.0
+            least = SEEN * float(size[np.unique(np.concatenate([pair.slave.bodies, pair.master.bodies]))].min())
+            if depth > max(NAMED * motion, least):
+                one, other = (model.bodies[int(surface.bodies[0])].name for surface in (pair.slave, pair.master))
+                called = repr(pair.name) if pair.name else str(number + 1)
+                return {
+                    "entered": f"{when}: pair {called} (slave {one!r}, master {other!r}): nodes of the master lie {depth:.2g} m deep in "
+                    f"the slave between its points, in the mean, beside {motion:.2g} m by which contact deforms the bodies: a few points "
+                    'bear what the surfaces should. What helps: the finer surface as slave, candidates="mortar", or Everything'
+                }
+        return {}
