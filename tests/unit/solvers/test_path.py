@@ -308,7 +308,8 @@ def test_how_alpha_falls_after_newton_and_after_a_path_and_where_a_path_was_lost
     """What alpha is divided by after each step, and how many of Newton's iterations come before a path: none where the last step took one,
     since that says that they do not arrive."""
     ways = iter([NEWTON, PATH, LOST, NEWTON, NEWTON, PATH, NEWTON, NEWTON])
-    alphas, counts = [], []
+    alphas: list[float] = []
+    counts: list[int] = []
 
     def told(
         inner: Regularised, r: np.ndarray, u: np.ndarray, target: float, newton: int, options: path_steps.PathOptions
@@ -333,7 +334,7 @@ def test_limits_and_options() -> None:
     given = problems("towers", 60, 3)
     few = solve(given, "PROX-PATH", tol=1e-12, max_iterations=12, before=5)
     assert few.status is Status.MAX_ITERATIONS and few.iterations <= 13
-    wrong = {"alpha": 0.0, "fall": 1.0, "regained": 1.0, "pieces": -1, "longest": -1, "newton": 0, "newton_along": -1}
-    for name, value in wrong.items():
+    wrong = (("alpha", 0.0), ("fall", 1.0), ("regained", 1.0), ("pieces", -1), ("longest", -1), ("newton", 0), ("newton_along", -1))
+    for name, value in wrong:
         with pytest.raises(InputError, match=name):
             solve(given, "PROX-PATH", **{name: value})
