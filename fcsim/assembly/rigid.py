@@ -50,7 +50,7 @@ class RigidBodies:
 
     def rotation(self, q: FloatArray) -> FloatArray:
         """Rotation matrices R (nr, d, d)."""
-        angle = q[:, self.dimension :]
+        angle = q[:, self.dimension :].copy()  # in rows one after the other, of which kind alone numba compiles for
         if self.dimension == 3:
             return self._exp(angle)
         c, s = np.cos(angle[:, 0]), np.sin(angle[:, 0])
@@ -60,7 +60,7 @@ class RigidBodies:
         """Return the configuration q moved by dq: translations add, rotations are composed, exp(dq) exp(q), to an angle up to pi."""
         moved = q + dq
         if self.dimension == 3 and self.count:
-            moved[:, 3:] = self._composed(dq[:, 3:], q[:, 3:])
+            moved[:, 3:] = self._composed(dq[:, 3:].copy(), q[:, 3:].copy())
         return moved
 
     @cached_property

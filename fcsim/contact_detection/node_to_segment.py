@@ -177,7 +177,7 @@ class NodeToSegment:
     def plausible(self, now: Configuration, candidate: IntArray, facet: IntArray) -> tuple[IntArray, IntArray]:
         """Pairs that face each other with the point above or just beside the facet: few are left to project."""
         if now.point.shape[1] == 3:
-            given = now.point, now.outward, now.size, self._alert_of_candidate + self.over_facets, tuple(now.master)
+            given = now.point, now.outward, np.ascontiguousarray(now.size), self._alert_of_candidate + self.over_facets, tuple(now.master)
             found: tuple[IntArray, IntArray]
             found = facing_above(candidate, facet, *given, OPPOSING, self.edge_tolerance, self.penetration)
             return found

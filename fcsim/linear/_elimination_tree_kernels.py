@@ -52,11 +52,19 @@ def quotient(indptr, indices, joint, count):
 
 
 @njit(cache=True)
+def places_of(order):
+    """Where each of the n numbers in `order` stands: place[order[j]] = j."""
+    place = np.empty(len(order), dtype=np.int64)
+    for j in range(len(order)):
+        place[order[j]] = j
+    return place
+
+
+@njit(cache=True)
 def elimination_tree(indptr, indices, order):
     """Parent of each column (-1: root) of the factor of the rows and columns in `order` (J. W. H. Liu, SIAM J. Matrix Anal. 11, 1990)."""
     n = len(order)
-    place = np.empty(n, dtype=np.int64)
-    place[order] = np.arange(n)
+    place = places_of(order)
     parent = np.full(n, -1)
     ancestor = np.full(n, -1)
     for i in range(n):
@@ -108,8 +116,7 @@ def postorder(parent):
 def column_structure(indptr, indices, order, parent):
     """Starts (n + 1,) and row numbers, ascending, of the factor's columns below the diagonal: row i reaches the columns on its paths."""
     n = len(order)
-    place = np.empty(n, dtype=np.int64)
-    place[order] = np.arange(n)
+    place = places_of(order)
     starts = np.zeros(n + 1, dtype=np.int64)
     rows = np.empty(0, dtype=np.int64)
     for fill in range(2):

@@ -125,16 +125,17 @@ def extend_add(S, place, n, d, F11, F12, F21, F22):
 
     `place` rises."""
     inside = np.searchsorted(place, n)
+    none = np.int64(0)  # 0 alone is a type of its own to numba, for which `add_part` is compiled once more
     for i in range(len(place)):
         for p in range(d):
             row = d * i + p
             if i < inside:
                 to = d * place[i] + p
-                add_part(S, row, place, 0, inside, 0, d, F11, to)
+                add_part(S, row, place, none, inside, none, d, F11, to)
                 add_part(S, row, place, inside, len(place), n, d, F12, to)
             else:
                 to = d * (place[i] - n) + p
-                add_part(S, row, place, 0, inside, 0, d, F21, to)
+                add_part(S, row, place, none, inside, none, d, F21, to)
                 add_part(S, row, place, inside, len(place), n, d, F22, to)
 
 
@@ -277,7 +278,8 @@ def times_blocks(blocks, cuts, which, x):
         own = x[cuts[k] : cuts[k + 1]]
         for i in range(n):
             image[i] = dot(blocks[at + i * n : at + (i + 1) * n], own)
-        own[:] = image[:n]
+        for i in range(n):
+            own[i] = image[i]
         at += n * n
 
 

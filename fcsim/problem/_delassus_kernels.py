@@ -35,12 +35,13 @@ def union_of_neighbours(first, contacts, nc):
     starts, columns = np.zeros(nc + 1, dtype=np.int64), np.empty(most, dtype=np.int32)
     row, other = np.empty(nc, dtype=np.int32), np.empty(nc, dtype=np.int32)
     for a in range(nc):
-        count = 0
+        count = np.int64(0)  # 0 alone is a type of its own to numba, for which `merge` is compiled once more
         for b in body[place[a - 1] if a else 0 : place[a]]:
             count = merge(row, count, contacts[first[b] : first[b + 1]], other)
             row, other = other, row
         starts[a + 1] = starts[a] + count
-        columns[starts[a] : starts[a + 1]] = row[:count]
+        for k in range(count):
+            columns[starts[a] + k] = row[k]
     return starts, columns[: starts[nc]].copy()
 
 

@@ -19,7 +19,7 @@ def spectral_norm(W: FloatArray) -> FloatArray:
 
 def split_spectral_norm(W: FloatArray) -> FloatArray:
     """rho_N = 1 / W_NN, rho_T = 1 / lambda_max(W_TT) (nc, d)."""
-    largest = split_compliances(W)
+    largest = split_compliances(np.ascontiguousarray(W))
     if np.all(largest > 0):
         return 1 / largest
     return np.stack([_inverse(column) for column in largest.T], axis=1)

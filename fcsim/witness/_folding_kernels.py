@@ -35,9 +35,11 @@ def samples(body, vertices, forest, modulus):
     own = np.full((nv + last - first, 3), -1, dtype=np.int64)
     mean = vertex_normals(body, forest, modulus)
     for k in range(nv):
-        p[k], own[k, 0] = points[vertices[k]], vertices[k]
-        if vertices[k] < len(mean):
-            n[k] = mean[vertices[k]]
+        own[k, 0] = vertices[k]
+        for i in range(3):
+            p[k, i] = points[vertices[k], i]
+            if vertices[k] < len(mean):
+                n[k, i] = mean[vertices[k], i]
     for t in range(first, last):
         k = nv + t - first
         a, b, c = triangles[t]
@@ -137,5 +139,6 @@ def deepest_in_itself(body, vertices, limit, least, forest, modulus):
                         held[own[k, i]] = True
                 if below > depth:
                     depth = below
-                    place[:] = p[k]
+                    for i in range(3):
+                        place[i] = p[k, i]
     return depth, place

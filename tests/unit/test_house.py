@@ -57,6 +57,23 @@ def test_the_types_of_arrays_are_defined_once() -> None:
     assert found - {"solvers/newton/regularised.py"} == {"arrays.py"}  # that file's IntArray is of 32 bits
 
 
+def test_kernels_assign_no_slice_from_another() -> None:
+    """With it numba compiles the text of a refusal, in each process anew: two to four seconds, and twice a loop's time in the kernel."""
+    found = []
+    for path in FILES:
+        for kernel in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if not isinstance(kernel, ast.FunctionDef) or not any("njit" in ast.unparse(d) for d in kernel.decorator_list):
+                continue
+            for node in ast.walk(kernel):
+                if not isinstance(node, ast.Assign) or isinstance(node.value, ast.Constant | ast.UnaryOp):
+                    continue
+                for target in node.targets:
+                    sliced = isinstance(target, ast.Subscript) and any(isinstance(part, ast.Slice) for part in ast.walk(target.slice))
+                    if sliced and not isinstance(node.value, ast.Name):  # a name may be that of a number
+                        found.append(f"{place(path)}:{node.lineno}: {ast.unparse(node)}")
+    assert not found
+
+
 def test_any_stands_nowhere_without_a_reason() -> None:
     """A Protocol, a TypeVar, `object` or the class itself says more; what is left has its reason in a comment on its line."""
     uses = []

@@ -46,7 +46,9 @@ def newton_rotations(A, R, found):
     n, d = A.shape[:2]
     X, Y = np.empty((d, d)), np.empty((d, d))
     for b in range(n):
-        X[:] = A[b]
+        for i in range(d):
+            for j in range(d):
+                X[i, j] = A[b, i, j]
         found[b] = False
         for k in range(ITERATIONS):
             determinant = inverse(X, d, Y)
@@ -64,7 +66,9 @@ def newton_rotations(A, R, found):
                     value = 0.5 * (s * X[i, j] + Y[j, i] / s)
                     change += (value - X[i, j]) ** 2
                     R[b, i, j] = value
-            X[:] = R[b]
+            for i in range(d):
+                for j in range(d):
+                    X[i, j] = R[b, i, j]
             if change <= SETTLED * SETTLED:
                 found[b] = True
                 break

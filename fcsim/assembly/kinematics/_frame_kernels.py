@@ -100,7 +100,9 @@ def spread_arms(axes, x, first, weight, arm, p, spread):
                 p[b, n, i] = arm[n, i] + (x[first[b] + d * n + i] - centre[i])
                 for j in range(d):
                     own[i, j] += weight[n] * p[b, n, i] * arm[n, j]
-        spread[b] = own
+        for i in range(d):
+            for j in range(d):
+                spread[b, i, j] = own[i, j]
 
 
 @njit(cache=True)
@@ -227,7 +229,7 @@ def means(R0, R1, A0, A1):
             continue
         for i in range(3):
             J[i, i] += trace
-        inverse(J, 3, J_inverse[b])
+        inverse(J, d, J_inverse[b])
     return R, R_inverse, J_inverse
 
 

@@ -13,7 +13,9 @@ _FEW = 32  # below this many on either side all pairs are looked at, without sor
 @njit(cache=True)
 def _grown(array: IntArray) -> IntArray:
     larger = np.empty((2 * len(array), array.shape[1]), dtype=np.int64)
-    larger[: len(array)] = array
+    for i in range(len(array)):
+        for j in range(array.shape[1]):
+            larger[i, j] = array[i, j]
     return larger
 
 

@@ -80,7 +80,7 @@ def _overlap(skin: Skin, shape: Shape, found: EdgeContacts, near: FloatArray) ->
     middle = nearest.mean(axis=1)
     surface = (skin.first_facet, shape.point, skin.facets, skin.sides)
     times = np.where(bodies[:, 0] == bodies[:, 1], 2, 1)
-    ours, theirs = (inside(middle, bodies[:, k], times, _OFF * near, *surface) for k in range(2))
+    ours, theirs = (inside(middle, body, times, _OFF * near, *surface) for body in np.ascontiguousarray(bodies.T))
     return ours & theirs
 
 

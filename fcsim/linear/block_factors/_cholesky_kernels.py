@@ -9,6 +9,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from fcsim.linear._elimination_tree_kernels import places_of
+
 
 @njit(cache=True, fastmath={"contract"})
 def eliminate(P, U):
@@ -63,8 +65,7 @@ def factorise(indptr, indices, blocks, shift, order, first, starts, rows, offset
     Long because the panels stay in registers and buffers between its stages.
     """
     n, ns, d = len(order), len(first) - 1, blocks.shape[1]
-    place = np.empty(n, dtype=np.int64)
-    place[order] = np.arange(n)
+    place = places_of(order)
     local = np.full(n, -1)
     owner = np.full(n, -1)  # the supernode that `local` refers to
     stack = np.empty(1 << 12)
@@ -83,7 +84,8 @@ def factorise(indptr, indices, blocks, shift, order, first, starts, rows, offset
         P[:] = 0.0
         if top + n2 * n2 > len(stack):
             longer = np.empty(2 * (top + n2 * n2))
-            longer[:top] = stack[:top]
+            for e in range(top):
+                longer[e] = stack[e]
             stack = longer
         U = stack[top : top + n2 * n2].reshape(n2, n2)
         U[:] = 0.0

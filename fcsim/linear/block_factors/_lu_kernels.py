@@ -6,6 +6,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from fcsim.linear._elimination_tree_kernels import places_of
+
 WIDTH = 32
 """Columns that are eliminated before the rest of a front is updated."""
 BY_BLAS = 100_000
@@ -125,8 +127,7 @@ def factorise(indptr, indices, mirror, blocks, order, first, starts, rows, numbe
     Long because the front, and what waits for its parent, stay in buffers between its stages.
     """
     n, ns, d = len(order), len(first) - 1, blocks.shape[1]
-    place = np.empty(n, dtype=np.int64)
-    place[order] = np.arange(n)
+    place = places_of(order)
     local = np.full(n, -1)
     front = np.empty(n, dtype=np.int64)
     largest = 0
@@ -201,20 +202,24 @@ def factorise(indptr, indices, mirror, blocks, order, first, starts, rows, numbe
             return False
         done += n1
         at, m = offsets[s], n1 * (n1 + n2)
-        values[at : at + m] = scratch[:m]
+        for e in range(m):
+            values[at + e] = scratch[e]
         at += m
         for i in range(n1, n1 + n2):
-            values[at : at + n1] = F[i, :n1]
+            for e in range(n1):
+                values[at + e] = F[i, e]
             at += n1
         if n2 > 0:
             if top + n2 * n2 > len(stack):
                 longer = np.empty(2 * (top + n2 * n2))
-                longer[:top] = stack[:top]
+                for e in range(top):
+                    longer[e] = stack[e]
                 stack = longer
             begin[count], waiting[count], taker[count] = top, s, parent
             count += 1
             for i in range(n1, n1 + n2):
-                stack[top : top + n2] = F[i, n1:]
+                for e in range(n2):
+                    stack[top + e] = F[i, n1 + e]
                 top += n2
     return True
 

@@ -12,6 +12,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from fcsim.linear._elimination_tree_kernels import places_of
 from fcsim.linear.block_factors._lu_kernels import BY_BLAS, pivoted
 
 
@@ -24,8 +25,7 @@ def planned(indptr, indices, mirror, order, first, starts, rows):
     it, in the front that takes it, and their length, which never goes beyond that front's own; room: of all that wait at a time.
     """
     n, ns = len(order), len(first) - 1
-    place, front = np.empty(n, dtype=np.int64), np.empty(n, dtype=np.int64)
-    place[order] = np.arange(n)
+    place, front = places_of(order), np.empty(n, dtype=np.int64)
     for s in range(ns):
         front[first[s] : first[s + 1]] = s
     begins, to, of = np.zeros(2 * ns + 1, dtype=np.int64), np.empty(len(indices), np.int64), np.empty(len(indices), np.int64)
@@ -35,7 +35,8 @@ def planned(indptr, indices, mirror, order, first, starts, rows):
     for s in range(ns):
         c0, c1, below = first[s], first[s + 1], rows[starts[s] : starts[s + 1]]
         n1, n2 = c1 - c0, len(below)
-        local[c0:c1] = np.arange(n1)
+        for i in range(n1):
+            local[c0 + i] = i
         for i in range(n2):
             local[below[i]] = n1 + i
         for part in range(2):

@@ -17,7 +17,10 @@ def solve(starts, at, values, X):
     for b in range(count - 1):
         i, j, m = starts[b], starts[b + 1], starts[b + 2]
         G = values[at[2 * b + 1] : at[2 * b + 2]].reshape((m - j, j - i))
-        X[j:m] -= np.dot(G, X[i:j])
+        less = np.dot(G, X[i:j])
+        for p in range(m - j):
+            for q in range(X.shape[1]):
+                X[j + p, q] -= less[p, q]
     for b in range(count - 1, -1, -1):
         i, j = starts[b], starts[b + 1]
         inverse = values[at[2 * b] : at[2 * b + 1]].reshape((j - i, j - i))
@@ -26,7 +29,9 @@ def solve(starts, at, values, X):
             m = starts[b + 2]
             G = values[at[2 * b + 1] : at[2 * b + 2]].reshape((m - j, j - i))
             x -= np.dot(G.T, X[j:m])
-        X[i:j] = x
+        for p in range(j - i):
+            for q in range(X.shape[1]):
+                X[i + p, q] = x[p, q]
 
 
 @njit(cache=True, nogil=True)

@@ -27,11 +27,14 @@ def mix(f, g, last_f, last_g, steps, images, normal, place, count):
         length = np.sqrt(square) if square > 0.0 else 1.0  # two steps alike
         steps[place] /= length
         images[place] /= length
-        normal[place, :count] = np.dot(steps[:count], steps[place])
-        normal[:count, place] = normal[place, :count]
+        products = np.dot(steps[:count], steps[place])
+        for k in range(count):
+            normal[place, k] = products[k]
+        for k in range(count):
+            normal[k, place] = normal[place, k]
         normal[place, place] += NEARLY_DEPENDENT
-    last_f[:] = f
-    last_g[:] = g
+    for i in range(len(f)):
+        last_f[i], last_g[i] = f[i], g[i]
     if count > 0:
         gamma = np.linalg.solve(normal[:count, :count].copy(), np.dot(steps[:count], f))
         g -= np.dot(gamma, images[:count])

@@ -201,8 +201,8 @@ def _glocker_newton(V, v, mu, threshold, E, y, x, tol, max_iterations):
         if not new < value:
             return False
         value = new
-        y[:] = z
-        F[:] = G
+        for i in range(len(z)):
+            y[i], F[i] = z[i], G[i]
     return value <= tol * tol
 
 

@@ -187,7 +187,9 @@ def change(C, least, unknowns, h, a, w, fronts, changes, count, e, b, room):
             left_out -= value * e[column]
         if not abs(pivot) > LEAST_PIVOT:
             return -1, turned, smallest
-        g[count], pivots[count] = y[:last], pivot
+        pivots[count] = pivot
+        for l in range(last):
+            g[count, l] = y[l]
         left_out /= pivot
         for l in range(last):
             e[l] += left_out * y[l]
@@ -278,8 +280,8 @@ def follow_in_velocities(
     Long because it is one piece from its elimination to the next.
     """
     nc, n, k = len(status), len(mass[0]) - 1, h.shape[1]
-    t, pieces, short, way, since = 0.0, 0, 0, 1, 0
-    count, contact = np.int64(-1), np.int64(-1)  # -1 alone is a type of its own to numba, for which what takes them is compiled once more
+    t, pieces, short, way, since = 0.0, np.int64(0), np.int64(0), 1, 0
+    count, contact = np.int64(-1), np.int64(-1)  # a number alone is a type of its own to numba, compiled for once more
     z, status, dz, own, solution = z.copy(), status.copy(), np.empty((nc, 3)), np.empty(k), np.inf
     found, K = law(z, mu, rho, status)
     changes = np.empty((room, k), dtype=unknowns.dtype), np.empty((room, k)), np.empty((room, n)), np.empty(room)
@@ -294,7 +296,9 @@ def follow_in_velocities(
         if contact >= 0 and count >= 0:
             _, new = law(z[contact : contact + 1], mu[contact : contact + 1], rho[contact : contact + 1], status[contact : contact + 1])
             C = new[0] - K[contact]
-            K[contact] = new[0]
+            for i in range(3):
+                for j in range(3):
+                    K[contact, i, j] = new[0, i, j]
             C[d:], C[:, d:] = 0.0, 0.0
             count, turned, pivot = change(C, NOTHING * rho[contact], unknowns, h, contact, w, fronts, changes, count, e, b, buffers)
             way *= turned

@@ -44,7 +44,8 @@ def newton_on_pieces(
     n = len(p)
     z, first, done = z.copy(), np.inf, 0
     b, dv, u, now = np.zeros(n + 1), np.zeros(n + 1), np.empty((len(z), 4)), np.zeros(n + 1)
-    now[:n] = p
+    for i in range(n):
+        now[i] = p[i]
     x, buffer, own = np.empty(n), np.empty(n), np.empty(h.shape[1])
     order, begins, starts, below, offsets, values, borders, pivots = fronts
     while True:

@@ -181,7 +181,8 @@ def newton_in_velocities(
         residual = np.sqrt(squared_natural_residual(r, u, mu, weights, d))
         if residual < smallest:
             smallest = residual
-            best[:] = r
+            for i in range(len(r)):
+                best[i] = r[i]
         if residual <= target:
             return ARRIVED, done, best, smallest
         if not np.isfinite(residual):
@@ -196,7 +197,8 @@ def newton_in_velocities(
             add_shares(S, unknowns, h, K)
             if not solve_dense(S, right):
                 return SINGULAR, done, best, smallest
-            dv[:] = right
+            for i in range(n):
+                dv[i] = right[i]
         else:
             shares = masses.copy()
             add_shares_to_rows(shares, places, h, K)

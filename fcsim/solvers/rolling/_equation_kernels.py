@@ -15,7 +15,8 @@ def contact_equations(u, r, coefficients, rho, F, A, B):
     mu_i [y_N]_+. These are the complementarity of r_N and u_N and the most dissipation of each part, that is K* ∋ u + g(u) ⊥ r ∈ K.
     """
     d = len(u)
-    F[:] = r
+    for i in range(d):
+        F[i] = r[i]
     A[:, :] = 0.0
     B[:, :] = 0.0
     pressure = r[0] - rho[0] * u[0]

@@ -12,7 +12,8 @@ from fcsim.problem.rolling._cone_kernels import project_contact
 @njit(cache=True)
 def modify(u: FloatArray, mu: float, mu_r: float, mu_s: float, F: FloatArray) -> None:
     """F = u + g(u) of one contact, vectors (5,), or (6,) with spinning."""
-    F[:] = u
+    for i in range(len(u)):
+        F[i] = u[i]
     F[0] += mu * np.sqrt(u[1] ** 2 + u[2] ** 2) + mu_r * np.sqrt(u[3] ** 2 + u[4] ** 2)
     if len(u) == 6:
         F[0] += mu_s * abs(u[5])
@@ -28,18 +29,22 @@ def solve_contact(W: FloatArray, u: FloatArray, mu: float, mu_r: float, mu_s: fl
     F, F_next, z, p, u_next = np.empty(d), np.empty(d), np.empty(d), np.empty(d), np.empty(d)
     modify(u, mu, mu_r, mu_s, F)
     for _ in range(iterations):
-        z[:] = r - rho * F
+        for i in range(d):
+            z[i] = r[i] - rho * F[i]
         project_contact(z, mu, mu_r, mu_s, p)
         change = np.sqrt(np.sum((p - r) ** 2))
         if change <= 1e-15 * np.sqrt(np.sum(r**2)):
             break
-        u_next[:] = u + W @ (p - r)
+        moved = W @ (p - r)
+        for i in range(d):
+            u_next[i] = u[i] + moved[i]
         modify(u_next, mu, mu_r, mu_s, F_next)
         ratio = rho * np.sqrt(np.sum((F_next - F) ** 2)) / change
         if ratio > 0.9:
             rho *= 2.0 / 3.0
             continue
-        r[:], u[:], F[:] = p, u_next, F_next
+        for i in range(d):
+            r[i], u[i], F[i] = p[i], u_next[i], F_next[i]
         if ratio < 0.3:
             rho *= 1.5
     return rho
@@ -67,7 +72,8 @@ def sweep(
     for a in range(len(mu)):
         if rho[a] == 0.0:
             continue
-        u[:] = q[a]
+        for i in range(d):
+            u[i] = q[a, i]
         for k in range(indptr[a], indptr[a + 1]):
             for i in range(d):
                 for j in range(d):

@@ -104,6 +104,7 @@ def solve_by_sweeps(W, q, mu, start, d, published, floor, tol, most, local_toler
         error = error_of(starts, columns, blocks, q3, r3, mu, weights, scale, r, u, d)
         history[0, 0], history[0, 1], rows = 0, error, 1
         tau, last, least, best = tol, 0, error, r.copy()
+        unfiltered, never = np.bool_(False), np.int64(0)  # False and 0 alone are types of their own to numba: a sweep more to compile
         while not error <= tol:
             if not np.isfinite(error):
                 ended = DIVERGED
@@ -127,8 +128,8 @@ def solve_by_sweeps(W, q, mu, start, d, published, floor, tol, most, local_toler
                 local_tolerance,
                 local_iterations,
                 1.0,
-                False,
-                0,
+                unfiltered,
+                never,
                 0.0,
                 count,
                 tau,

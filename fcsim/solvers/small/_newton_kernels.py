@@ -103,7 +103,9 @@ def proximal_newton(W, q, mu, metric, weights, scale, tol, r, d, most, alone, de
     nc = len(mu)
     blocks = np.empty((nc, d, d))
     for a in range(nc):
-        blocks[a] = W[a * d : (a + 1) * d, a * d : (a + 1) * d]
+        for i in range(d):
+            for j in range(d):
+                blocks[a, i, j] = W[a * d + i, a * d + j]
     none = np.zeros(nc * d)
     error = np.sqrt(squared_natural_residual(r, affine(W, r, none, q), mu, weights, d)) / scale
     alpha, floor, best, least, iterations, first = ALPHA, LEAST_ALPHA, r, error, 0, error

@@ -51,7 +51,7 @@ def _pierced(skin: Skin, shape: Shape, suspect: NearBodies, vertices: VertexCont
     """One contact for each two bodies of which an edge of one goes through a facet of the other; those that they have already."""
     both = NearBodies(np.concatenate([suspect.bodies, suspect.bodies[:, ::-1]]), *(np.tile(part, 2) for part in suspect[1:]))
     if skin.dimension == 2:
-        edges, rows = skin.facets[:, :2], near_facets_of_both(skin, shape, both)
+        edges, rows = np.ascontiguousarray(skin.facets[:, :2]), near_facets_of_both(skin, shape, both)
     else:
         edges, rows = skin.edges, near_edges_and_facets(skin, shape, both)
     edge, facet, pair = np.ascontiguousarray(rows.T)

@@ -139,13 +139,13 @@ def _overlap(skin: Skin, shape: Shape, corners: _Corners, depth: FloatArray, nea
     s, t = (bb * a - ab * b) / safe, (ab * a - aa * b) / safe
     row, k = np.nonzero((det > _THIN) & (between > _FLUSH) & (s > 0) & (t > 0))
     at = corners.origin[row, 0] + s[row, k, None] * ours[row, k] - 0.25 * depth[row, None] * behind[row, k]
-    bodies = near.bodies[corners.pair[row]]
+    bodies = np.ascontiguousarray(near.bodies[corners.pair[row]].T)
     if skin.dimension == 2:
-        within = [inside_polygon(at, bodies[:, k], skin.first_facet, shape.point, skin.facets) for k in range(2)]
+        within = [inside_polygon(at, bodies[k], skin.first_facet, shape.point, skin.facets) for k in range(2)]
     else:
         once, surface = np.ones(len(row), dtype=np.int64), (skin.first_facet, shape.point, skin.facets, skin.sides)
         off = _WELL * between[row, k] * depth[row]
-        within = [inside(at, bodies[:, k], once, off, *surface) for k in range(2)]
+        within = [inside(at, bodies[k], once, off, *surface) for k in range(2)]
     return np.bincount(row[within[0] & within[1]], minlength=n) > 0
 
 

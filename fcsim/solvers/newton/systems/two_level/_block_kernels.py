@@ -19,7 +19,8 @@ def blocks_of(values, starts, which):
     blocks, at = np.empty(size, dtype=values.dtype), 0
     for k in which:
         n = starts[k + 1] - starts[k]
-        blocks[at : at + n] = values[starts[k] : starts[k + 1]]
+        for e in range(n):
+            blocks[at + e] = values[starts[k] + e]
         at += n
     return blocks
 
@@ -30,7 +31,8 @@ def put_blocks(values, starts, which, blocks):
     at = 0
     for k in which:
         n = starts[k + 1] - starts[k]
-        values[starts[k] : starts[k + 1]] = blocks[at : at + n]
+        for e in range(n):
+            values[starts[k] + e] = blocks[at + e]
         at += n
 
 

@@ -103,6 +103,14 @@ def modes_of_joint(own, listed, bodies, G, number):
 
 
 @njit(cache=True, nogil=True)
+def put(numbers, into, at):
+    """Write numbers (n,) to into[at : at + n], as no assignment of a slice does: with it comes, in all that has one, the text of a refusal,
+    which takes longer to compile than these loops."""
+    for i in range(len(numbers)):
+        into[at + i] = numbers[i]
+
+
+@njit(cache=True, nogil=True)
 def joint_blocks(indptr, indices, blocks, order, position, joints, modes, starts, first, last, E):
     """Write the blocks of W - G G^T of the joints first, ..., last - 1 to E.
 
@@ -131,7 +139,7 @@ def joint_blocks(indptr, indices, blocks, order, position, joints, modes, starts
             place[a] = -1
         g = modes_of_joint(own, listed[body_begins[k] : body_begins[k + 1]], bodies, G, number)
         rest = block.reshape(n * d, n * d) - np.dot(g, g.T)
-        E[starts[k] : starts[k + 1]] = rest.ravel()
+        put(rest.ravel(), E, starts[k])
 
 
 @njit(cache=True, nogil=True)
@@ -174,9 +182,9 @@ def invert_joints(A, B, E, shift, cuts, joints, modes, starts, out, which):
             two += b >= 0
         own_modes = np.ascontiguousarray(g[: inner * d, : two * k].T)
         images = np.dot(rows, AG.reshape(n * d, -1))
-        Q[Q_starts[joint] : Q_starts[joint + 1]] = rows.ravel()
-        R[R_starts[joint] : R_starts[joint + 1]] = images.ravel()
-        T[T_starts[joint] : T_starts[joint + 1]] = np.dot(own_modes, images).ravel()
+        put(rows.ravel(), Q, Q_starts[joint])
+        put(images.ravel(), R, R_starts[joint])
+        put(np.dot(own_modes, images).ravel(), T, T_starts[joint])
 
 
 @njit(cache=True)

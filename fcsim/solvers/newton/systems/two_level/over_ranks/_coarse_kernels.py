@@ -11,6 +11,7 @@ import numpy as np
 from numba import njit
 
 from fcsim.linear._front_kernels import dot
+from fcsim.solvers.newton.systems.two_level._joint_kernels import put
 
 
 @njit(cache=True)
@@ -71,10 +72,10 @@ def eliminate(tree, which, indptr, indices, mirror, S, changed, top, values, com
                 extend_add(complements[begins[c] : begins[c] + size * size].reshape(size, size), local[below], k, F)
             inverse, right = np.linalg.inv(np.ascontiguousarray(F[:n, :n])), np.ascontiguousarray(F[:n, n:])
             left = np.dot(np.ascontiguousarray(F[n:, :n]), inverse)
-            values[at : at + b * n] = left.ravel()
-            values[at + b * n : at + b * n + n * n] = inverse.ravel()
-            values[at + b * n + n * n : at + n * (n + 2 * b)] = right.ravel()
-            complements[begin:end] = (F[n:, n:] - np.dot(left, right)).ravel()
+            put(left.ravel(), values, at)
+            put(inverse.ravel(), values, at + b * n)
+            put(right.ravel(), values, at + b * n + n * n)
+            put((F[n:, n:] - np.dot(left, right)).ravel(), complements, begin)
             local[first[f] : first[f + 1]] = -1
             for i in range(len(border)):
                 local[border[i]] = -1
@@ -109,9 +110,11 @@ def _fill_front(f, order, first, place, local, indptr, indices, mirror, S, F):
         for e in range(indptr[row], indptr[row + 1]):
             j = local[place[indices[e]]]
             if j >= 0:
-                F[i * k : (i + 1) * k, j * k : (j + 1) * k] = S[e]
-                if j >= own:
-                    F[j * k : (j + 1) * k, i * k : (i + 1) * k] = S[mirror[e]]
+                for p in range(k):
+                    for q in range(k):
+                        F[i * k + p, j * k + q] = S[e, p, q]
+                        if j >= own:
+                            F[j * k + p, i * k + q] = S[mirror[e], p, q]
 
 
 @njit(cache=True, nogil=True)
@@ -157,7 +160,8 @@ def backward(values, sizes, firsts, borders, x):
         below = gathered[:n]
         for i in range(n):
             below[i] = dot(values[inverse + i * n : inverse + (i + 1) * n], own)
-        own[:] = below
+        for i in range(n):
+            own[i] = below[i]
 
 
 @njit(cache=True, nogil=True)
