@@ -32,18 +32,20 @@ class PathOptions(Options):
 
     before        iterations of PROX-NEWTON before the first path
     newton        Newton's iterations before a path is followed
+    newton_along  the same after a step that took a path
     pieces        pieces after which a path is given up, but where it is on its way: then after `longest`
     alpha         first regularisation over the error of the start, at most alpha_most; D is the contacts' compliances
     alpha_least   regularisation that it does not fall below
     fall, rise    by which alpha is divided after a step, multiplied where a path was lost
     along         by which it is divided after a step that took a path
-    held          steps after a lost path that leave it where it is
+    regained      by which it is divided after a step by Newton's method alone, since a path was lost and until one arrives
     patience      steps and lost paths without a better error before giving up
     """
 
     max_iterations: int = 10_000
     before: int = 60
     newton: int = 10
+    newton_along: int = 10
     pieces: int = 200
     longest: int = 1600
     alpha: float = 1.0
@@ -52,7 +54,7 @@ class PathOptions(Options):
     fall: float = 10.0
     rise: float = 30.0
     along: float = 10.0
-    held: int = 0
+    regained: float = 10.0
     patience: int = 150
 
     def __post_init__(self) -> None:
@@ -60,10 +62,10 @@ class PathOptions(Options):
         for name in ("alpha", "alpha_least", "alpha_most"):
             if not getattr(self, name) > 0:
                 raise InputError(f"option {name}: expected a number > 0, got {getattr(self, name)}")
-        for name in ("fall", "rise", "along"):
+        for name in ("fall", "rise", "along", "regained"):
             if not getattr(self, name) > 1:
                 raise InputError(f"option {name}: expected a number > 1, got {getattr(self, name)}")
-        for name, least in (("before", 0), ("newton", 1), ("pieces", 0), ("longest", 0), ("held", 0), ("patience", 1)):
+        for name, least in (("before", 0), ("newton", 1), ("newton_along", 0), ("pieces", 0), ("longest", 0), ("patience", 1)):
             if getattr(self, name) < least:
                 raise InputError(f"option {name}: expected an integer >= {least}, got {getattr(self, name)}")
 
@@ -93,11 +95,11 @@ def proximal_path(problem: LocalProblem, r: FloatArray, monitor: Monitor, option
 def path_turns(problem: LocalProblem, r: FloatArray, monitor: Monitor, options: PathOptions) -> Turns:
     """Proximal steps along paths from r (m,), by turns of one step each."""
     shape = problem.nc, problem.dimension
-    W, q, mu, operator = problem.W, problem.q.reshape(shape), problem.mu, problem.delassus
-    u = W @ r + problem.q
+    q, mu, operator = problem.q.reshape(shape), problem.mu, problem.delassus
+    u = operator @ r + problem.q
     error = monitor.record(r, u)
     alpha, pieces = min(options.alpha * error, options.alpha_most), pieces_of(operator)
-    best, least, waited, held = r, error, 0, 0
+    best, least, waited, lost, newton = r, error, 0, False, options.newton
     while not error <= monitor.tol:
         status = monitor.stopped(error, options.max_iterations)
         if status is None and (waited >= options.patience or alpha > MOST_ALPHA):
@@ -105,17 +107,18 @@ def path_turns(problem: LocalProblem, r: FloatArray, monitor: Monitor, options: 
         if status is not None:
             return Iterate(best, status)
         alpha = max(alpha, options.alpha_least)
-        inner, begun = Regularised(pieces, q, mu, 1.0 / (alpha * operator.compliance), monitor), monitor.iterations
-        found = _solved(inner, r.reshape(shape), u.reshape(shape), max(INNER * monitor.tol, min(INNER * least, NEAREST)), options)
+        inner = Regularised(pieces, q, mu, 1.0 / (alpha * operator.compliance), monitor)
+        target = max(INNER * monitor.tol, min(INNER * least, NEAREST))
+        found, along = _solved(inner, r.reshape(shape), u.reshape(shape), target, newton, options)
         waited += 1
+        newton = options.newton_along if along and found is not None else options.newton
         if found is None:
-            alpha, held = alpha * options.rise, options.held
+            alpha, lost = alpha * options.rise, True
         else:
-            if not held:
-                alpha /= options.fall if monitor.iterations - begun <= options.newton else options.along
-            held = max(held - 1, 0)
+            lost = lost and not along
+            alpha /= options.along if along else options.regained if lost else options.fall
             r = found.ravel()
-            u = W @ r + problem.q
+            u = operator @ r + problem.q
             error = monitor.record(r, u)
             if error < LEAST_GAIN * least:
                 waited = 0
@@ -125,14 +128,18 @@ def path_turns(problem: LocalProblem, r: FloatArray, monitor: Monitor, options: 
     return Iterate(r, Status.SOLVED)
 
 
-def _solved(inner: Regularised, r: FloatArray, u: FloatArray, target: float, options: PathOptions) -> FloatArray | None:
-    """The reactions (nc, d) of the inner problem around r, u the velocities there; None where its solution was not found."""
+def _solved(
+    inner: Regularised, r: FloatArray, u: FloatArray, target: float, newton: int, options: PathOptions
+) -> tuple[FloatArray | None, bool]:
+    """The reactions (nc, d) of the inner problem around r, u the velocities there, None where its solution was not found; and whether a
+    path was followed, as where so many of Newton's iterations do not arrive."""
     z, status = kernels.beginning(r, u, inner.mu, inner.rho)
     centre, _ = kernels.law(z, inner.mu, inner.rho, status)
     free = centre - inner.rho[:, None] * (inner.pieces.product(centre) + inner.q)
     budget = options.max_iterations - inner.monitor.iterations
-    found = inner.newton(free, centre, target, min(options.newton, budget))
+    found = inner.newton(free, centre, target, min(newton, budget))
     budget = options.max_iterations - inner.monitor.iterations
-    if found is None and options.pieces:
+    along = found is None and options.pieces > 0
+    if along:
         found = inner.end(z, status, target, options.newton, options.pieces, options.longest, budget)
-    return found
+    return found, along

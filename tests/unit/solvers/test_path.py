@@ -291,35 +291,50 @@ def test_rigid_bodies_of_the_families(d: int) -> None:
     assert solve(bare, "PROX-PATH", tol=1e-8, before=0).solved
 
 
+NEWTON, PATH, LOST = "Newton's method alone", "a path that arrives", "a path that is lost"
+
+
 @pytest.mark.parametrize(
-    ("options", "falls"),
-    [({}, [10, 10, 1 / 30, 10, 10]), ({"along": 2.0, "held": 2}, [10, 2, 1 / 30, 1, 1])],
+    ("options", "falls", "first"),
+    [
+        ({}, [10, 10, 1 / 30, 10, 10, 10, 10], [10] * 8),
+        ({"newton_along": 0, "along": 2.0, "regained": 3.0}, [10, 2, 1 / 30, 3, 3, 2, 10], [10, 10, 0, 10, 10, 10, 0, 10]),
+    ],
     ids=["the table's", "in motion"],
 )
 def test_how_alpha_falls_after_newton_and_after_a_path_and_where_a_path_was_lost(
-    options: dict[str, float], falls: list[float], monkeypatch: pytest.MonkeyPatch
+    options: dict[str, float], falls: list[float], first: list[int], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Steps by Newton's method, along a path, lost, and two by Newton's method: what alpha is divided by after each."""
-    iterations, alphas = iter([10, 11, 300, 3, 3, 1]), []
+    """What alpha is divided by after each step, and how many of Newton's iterations come before a path: none where the last step took one,
+    since that says that they do not arrive."""
+    ways = iter([NEWTON, PATH, LOST, NEWTON, NEWTON, PATH, NEWTON, NEWTON])
+    alphas: list[float] = []
+    counts: list[int] = []
 
-    def told(inner: Regularised, r: np.ndarray, u: np.ndarray, target: float, options: path_steps.PathOptions) -> np.ndarray | None:
+    def told(
+        inner: Regularised, r: np.ndarray, u: np.ndarray, target: float, newton: int, options: path_steps.PathOptions
+    ) -> tuple[np.ndarray | None, bool]:
         alphas.append(float(1 / (inner.rho * problem.delassus.compliance)[0]))
-        inner.monitor.iterations += (count := next(iterations))
-        return None if count == 300 else r
+        counts.append(newton)
+        inner.monitor.iterations += 1
+        way = next(ways)
+        return None if way == LOST else r, way != NEWTON
 
     problem = LocalProblem(np.eye(6), np.array([-1.0, 0.5, 0.0, -1.0, 0.0, 0.5]), np.full(2, 0.5))
     monkeypatch.setattr(path_steps, "_solved", told)
     monitor = Monitor(problem.q, problem.mu, 3, 1e-8)
     turns = path_steps.path_turns(problem, np.full(6, 0.1), monitor, path_steps.PathOptions(alpha_most=1e-2, **options))
-    for _ in range(6):
+    for _ in range(8):
         next(turns)
     assert_allclose(np.array(alphas[:-1]) / alphas[1:], falls)
+    assert counts == first
 
 
 def test_limits_and_options() -> None:
     given = problems("towers", 60, 3)
     few = solve(given, "PROX-PATH", tol=1e-12, max_iterations=12, before=5)
     assert few.status is Status.MAX_ITERATIONS and few.iterations <= 13
-    for name, value in (("alpha", 0.0), ("fall", 1.0), ("pieces", -1), ("longest", -1), ("newton", 0)):
+    wrong = (("alpha", 0.0), ("fall", 1.0), ("regained", 1.0), ("pieces", -1), ("longest", -1), ("newton", 0), ("newton_along", -1))
+    for name, value in wrong:
         with pytest.raises(InputError, match=name):
             solve(given, "PROX-PATH", **{name: value})

@@ -471,9 +471,10 @@ def test_proximal_newton_s_options_follow_from_how_bodies_touch(
     assert given == [replace(usual, alpha=given[0].alpha, max_iterations=race.options.max_iterations)]
 
 
-@pytest.mark.parametrize(("warm", "along", "held"), [(False, 10.0, 0), (True, 2.0, 6)])
-def test_paths_fall_slowly_from_a_warm_start(warm: bool, along: float, held: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Steps of blocks in motion; problems from zero by the options of the table."""
+@pytest.mark.parametrize(("warm", "falls", "newton_along"), [(False, 10.0, 10), (True, 2.0, 0)])
+def test_paths_fall_slowly_from_a_warm_start(warm: bool, falls: float, newton_along: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Steps of blocks in motion, after a path and where one was lost, without Newton's iterations after one; problems from zero by the
+    options of the table."""
     asked: list[Any] = []
 
     def path_turns(problem: Any, r: Any, monitor: Any, options: Any) -> Any:
@@ -483,4 +484,5 @@ def test_paths_fall_slowly_from_a_warm_start(warm: bool, along: float, held: int
     monkeypatch.setattr(methods, "path_turns", path_turns)
     race = SimpleNamespace(warm=warm, problem=None, best_r=lambda: None, options=SimpleNamespace(max_iterations=77))
     next(methods.paths(race, SimpleNamespace(iterations=0)))  # type: ignore[arg-type]
-    assert (asked[0].along, asked[0].held, asked[0].max_iterations) == (along, held, 77)
+    chosen = asked[0]
+    assert (chosen.along, chosen.regained, chosen.newton_along, chosen.max_iterations) == (falls, falls, newton_along, 77)
