@@ -10,7 +10,7 @@ import numpy as np
 from fcsim.arrays import BoolArray, FloatArray, is_number
 from fcsim.brief import shown
 from fcsim.contact_detection.contacts import Contacts
-from fcsim.contact_law.friction import Elliptic, Friction, friction_terms, way_slid
+from fcsim.contact_law.friction import SEAT, Elliptic, Friction, as_beside, friction_terms, seats, way_slid
 from fcsim.contact_law.law import Meeting, Outcome, Remembered, Terms, Variables
 from fcsim.contact_law.proportions import Proportions
 from fcsim.errors import InputError
@@ -120,5 +120,5 @@ def remembered_slip(friction: Friction | Elliptic | None, meeting: Meeting, outc
     if friction is None or isinstance(friction, Elliptic):
         return Remembered()
     way = way_slid(meeting, outcome)
-    slip = meeting.recall("slip", np.zeros(len(meeting))) + way
-    return Remembered({"slip": slip} if meeting.timing.moving else {"slip": slip, "rate": way / meeting.timing.h})
+    kept = {"slip": as_beside(meeting, "slip") + way, SEAT: seats(meeting, outcome)}
+    return Remembered(kept if meeting.timing.moving else {**kept, "rate": way / meeting.timing.h})

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from fcsim.arrays import FloatArray, is_number, numbers_of
 from fcsim.brief import shown
@@ -37,6 +38,11 @@ class Sliding:
 REST = 1e-9
 """Share of a body's size that solvers leave of what sticks in a step, and more: their tolerance of what bodies move, 1e-8, is so much where
 they move by a tenth of their size in a step."""
+
+SEAT = "seat"
+"""The variable of contacts that bear, see `seats`."""
+BESIDE = 0.25
+"""Of the smaller body's size: how far from one that bore a contact may be new and slide on as that does."""
 
 Friction = Callable[[Sliding], FloatArray]
 """mu (nc,) from what it depends on: one of the classes below, or a function of one's own (a lookup of temperature, a field)."""
@@ -158,9 +164,9 @@ def friction_terms(friction: Friction | Elliptic | None, meeting: Meeting) -> Fr
     if meeting.timing.moving:
         velocity = np.sqrt(np.einsum("ai,ai->a", meeting.before[:, 1:], meeting.before[:, 1:]))
     else:
-        velocity = np.nan_to_num(meeting.recall("rate", np.zeros(len(contacts))))
+        velocity = as_beside(meeting, "rate")
     rest = REST * meeting.size / meeting.timing.h
-    sliding = Sliding(meeting.recall("slip", np.zeros(len(contacts))), velocity, contacts.point, meeting.t, contacts.mu, rest)
+    sliding = Sliding(as_beside(meeting, "slip"), velocity, contacts.point, meeting.t, contacts.mu, rest)
     mu = numbers_of(asked(f"friction {friction!r:.60} at t = {meeting.t} s", friction, sliding))
     if mu.shape != contacts.mu.shape or not np.all(np.isfinite(mu) & (mu >= 0)):
         raise InputError(f"friction {friction!r}: expected {len(contacts)} finite coefficients >= 0, got {mu.shape}, {mu.ravel()[:5]} ...")
@@ -173,6 +179,38 @@ def way_slid(meeting: Meeting, outcome: Outcome) -> FloatArray:
     mean = theta * outcome.after[:, 1:] + (1 - theta) * meeting.before[:, 1:]
     way = meeting.timing.length_per_u * np.sqrt(np.einsum("ai,ai->a", mean, mean))
     return np.where(outcome.r[:, 0] > 0, way, 0.0)
+
+
+def seats(meeting: Meeting, outcome: Outcome) -> FloatArray:
+    """Where contacts bear (nc, 2 + d): both bodies' numbers, ascending, and the point [m]; nan of those that do not."""
+    contacts = meeting.contacts
+    seat = np.column_stack([np.sort(contacts.bodies, axis=1), contacts.point])
+    return np.where(outcome.r[:, :1] > 0, seat, np.nan)
+
+
+def as_beside(meeting: Meeting, name: str) -> FloatArray:
+    """The way slid [m] or the rate [m/s] of contacts (nc,), by name.
+
+    One that has not slid and did not bear in the step before, as a node that a sliding body comes to, or a point in another facet, has that
+    of the nearest one of the same two bodies that did, no farther off than `BESIDE`: it slides on with the surfaces that meet there.
+    """
+    own, earlier = np.nan_to_num(meeting.recall(name, np.zeros(len(meeting)))), meeting.variables
+    if earlier is None or SEAT not in earlier.values or name not in earlier.values:
+        return own
+    contacts, value = meeting.contacts, earlier.values[name]
+    seat = meeting.recall(SEAT, np.full((len(contacts), earlier.values[SEAT].shape[1]), np.nan))
+    new = np.flatnonzero(np.isnan(seat[:, 0]) & (own == 0))
+    bore = np.flatnonzero(~np.isnan(earlier.values[SEAT][:, 0]) & ~np.isnan(value))
+    if not len(new) or not len(bore):
+        return own
+    there = earlier.values[SEAT][bore]
+    here = np.column_stack([np.sort(contacts.bodies[new], axis=1), contacts.point[new]])
+    apart = np.ones(here.shape[1])
+    apart[:2] = 1.0 + 4.0 * np.ptp(np.concatenate([there, here])[:, 2:], axis=0).sum()  # another body is farther than any point
+    distance, nearest = cKDTree(there * apart).query(here * apart)
+    near = distance <= BESIDE * meeting.size[new]
+    own[new[near]] = value[bore[nearest[near]]]
+    return own
 
 
 def _elliptic(friction: Elliptic, meeting: Meeting) -> FrictionTerms:

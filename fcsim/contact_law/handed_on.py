@@ -36,7 +36,7 @@ PLACE = "place"
 larger number; nan where a contact is to keep."""
 CORNERS = "corners"
 """The variable (nc, 2 + d) of joints: the nodes of slave and master whose corners lie on each other, the normal as in `PLACE`; or nan."""
-SPRINGS = frozenset(("stretch", "attitude", "slip", "rate"))
+SPRINGS = frozenset(("stretch", "attitude", "slip", "rate", "seat"))
 """What contacts of meshed bodies remember that hand it on: damage and ages stay where they came about."""
 
 WITHIN = 0.1

@@ -41,9 +41,9 @@ class Timing:
     moving: bool = True
 
 
-OF_ONE_STEP = ("rate", "stretch", "attitude", "place")
+OF_ONE_STEP = ("rate", "stretch", "attitude", "place", "seat")
 """What laws remember of the last step alone: contacts that were not met in it have none."""
-UNSHOWN = ("attitude", "place", "corners")
+UNSHOWN = ("attitude", "place", "corners", "seat")
 """What is remembered of the bodies to carry other variables on (`turning_along`, `handed_on`): no result of a step."""
 
 

@@ -17,7 +17,6 @@ from fcsim.timestep.chain import SolverSettings
 from fcsim.timestep.remarks.falling import falling
 from fcsim.timestep.remarks.locked_joints import locked_joints
 from fcsim.timestep.remarks.of_laws.begun_anew import begun_anew
-from fcsim.timestep.remarks.of_laws.slid_over_facets import slid_over_facets
 from fcsim.timestep.remarks.over_time.lost_pulses import lost_pulses
 from fcsim.timestep.remarks.over_time.undersampled import undersampled
 from fcsim.timestep.remarks.pieces import hanging_nodes, torn_meshes
@@ -71,7 +70,7 @@ def opening_remarks(
     found += [restitution_of_points(model, scheme), growing(model, scheme, linked)]
     found.append(soft_or_stiff(model, gravity, EARTH[0] <= float(np.linalg.norm(gravity)) <= EARTH[1]))
     found += [torn_meshes(model), hanging_nodes(model), inertia_of_no_body(model), long_arms(model, scheme)]
-    found += [unused_velocities(model, scheme, state), begun_anew(scheme, state), slid_over_facets(detector, scheme)]
+    found += [unused_velocities(model, scheme, state), begun_anew(scheme, state)]
     if linkage is not None:
         found.append(locked_joints(model, linkage, detector, positions))
     if not linked:

@@ -3,28 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
 from fcsim import (
-    Body,
     Cohesive,
     Compliant,
     Detector,
     Everything,
     ExactContacts,
     Gap,
-    Material,
-    QuasiStatic,
     Rolling,
     Simulation,
-    SlipWeakening,
     Spinning,
     State,
-    StaticKinetic,
     Support,
     SurfacePair,
     Theta,
@@ -34,7 +28,7 @@ from fcsim import (
 )
 from fcsim.contact_law import Springs
 from fcsim.errors import Penetration
-from fcsim.mesh import rectangle, rigid_box, rigid_capsule, rigid_plane, rigid_sphere
+from fcsim.mesh import rigid_box, rigid_capsule, rigid_plane, rigid_sphere
 
 HELD = ("x", "y", "z", "rx", "ry", "rz")
 
@@ -179,26 +173,3 @@ def test_a_state_has_not_what_springs_remember_and_that_is_said() -> None:
         assert -steps[-1].contact_force_on("block")[0] == pytest.approx(4 * k * v * stretched * h, rel=1e-3)
         assert [word in remark for step in steps for remark in step.remarks if "remembers" in remark] == [True] * said
     assert not _said(run(Gap(), 1, whole[4].state), "remembers")
-
-
-@pytest.mark.parametrize(
-    ("friction", "scheme", "rule", "said"),
-    [
-        (SlipWeakening(0.8, 0.2, 0.05), Theta(1e-3), "segments", True),
-        (StaticKinetic(0.8, 0.2), QuasiStatic(1.0), "segments", True),
-        (StaticKinetic(0.8, 0.2), Theta(1e-3), "segments", False),
-        (SlipWeakening(0.8, 0.2, 0.05), Theta(1e-3), "mortar", False),
-    ],
-)
-def test_friction_that_begins_anew_with_every_facet_is_said(friction: Any, scheme: Theta | QuasiStatic, rule: Any, said: bool) -> None:
-    """A block drawn far over a mesh has 0.46 (dynamics, by slip) and 0.42 (statics, by rate) for the 0.2 it has with the mortar rule."""
-    stone = Material(1e8, 0.0, 1000.0)
-    block, bed = (
-        Body("block", rectangle("b", (0.4, 0.1), (4, 2), stone)),
-        Body("bed", rectangle("f", (1.0, 0.2), (40, 2), stone, origin=(0, -0.2))),
-    )
-    held = [Support("bed", ("x", "y"), "y-"), Support("block", ("x", "y"), "y+")]
-    model = build_model([bed, block], supports=held)
-    pair = SurfacePair(contact_surface(model, [("block", "y-")]), contact_surface(model, [("bed", "y+")]), 0.5, 0.01, rule)
-    law = replace(scheme, law=Gap(friction=friction))
-    assert bool(_said(Simulation(model, Detector([pair], model.n_nodes), law, 1), "friction at rest again")) == said
