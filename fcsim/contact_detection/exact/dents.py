@@ -21,7 +21,7 @@ from fcsim.contact_detection.surfaces.broad_phase import near_pairs
 from fcsim.contact_detection.surfaces.ragged import each_of
 
 FINE = 0.1  # of the radius: vertices all of whose facets are no longer touch
-FITS = 0.5  # of the round body's curvature: a hollow that is less curved than this does not fit it
+FITS = 0.9  # of the round body's curvature: in a hollow that is less curved it rolls, and would fall into each vertex
 _SAG = 0.01  # of the height of a round body over a chord: vertices so near touch, and the facets around them are dented
 _DEEP = 0.5  # of the radius: what lies deeper is another part of the body
 _FACING = 0.5  # cosine between the way out and a facet around the vertex
