@@ -3,6 +3,9 @@
 The distance to a dented skin has a minimum in each of its facets, that to a flat one a single minimum: with minima alone a round body is
 borne, over a step, by the facets that it touched first. Where facets are short beside the radius, their vertices take the place of the
 minima on them; on longer ones what rolls would be kicked by the vertices that it passes.
+
+Not so in a hollow, as of a ring around a shaft: its vertices lie behind its chords, which by themselves would bear as if the hollow were
+narrower by their height. There the vertices of facets of any length take their place.
 """
 
 from __future__ import annotations
@@ -18,6 +21,7 @@ from fcsim.contact_detection.surfaces.broad_phase import near_pairs
 from fcsim.contact_detection.surfaces.ragged import each_of
 
 FINE = 0.1  # of the radius: vertices all of whose facets are no longer touch
+FITS = 0.9  # of the round body's curvature: in a hollow that is less curved it rolls, and would fall into each vertex
 _SAG = 0.01  # of the height of a round body over a chord: vertices so near touch, and the facets around them are dented
 _AROUND = 1.0  # of that height: minima so near on the facets around a vertex, it twice as far, lie round the body
 _DEEP = 0.5  # of the radius: what lies deeper is another part of the body
@@ -59,7 +63,8 @@ def vertices_under(now: Placed, skin: MeshSkin, x: FloatArray, alert: float) -> 
     direction = away / distance[:, None]
     end = np.where(s < 0, 1.0, -1.0)[:, None] * now.along[k]  # the way out by a cylinder's end
     facing, by_end, longest = around(skin, x, v, direction, end)
-    keep = (longest <= FINE * solids.radius[k]) & (facing > _FACING) & (~flat | (facing >= by_end))
+    fits = skin.hollow[v] * solids.radius[k] > FITS
+    keep = ((longest <= FINE * solids.radius[k]) | fits) & (facing > _FACING) & (~flat | (facing >= by_end))
     k, v, s, direction, gap, longest = (array[keep] for array in (k, v, s, direction, gap, longest))
     node, radius = skin.vertices[v], solids.radius[k]
     key, height = k * len(x) + node, longest**2 / (8 * radius)

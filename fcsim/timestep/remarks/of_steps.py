@@ -22,6 +22,7 @@ from fcsim.timestep.remarks.of_laws.turned_slip import turned_slip
 from fcsim.timestep.remarks.of_shapes.chords import Chords
 from fcsim.timestep.remarks.of_shapes.corners import Corners
 from fcsim.timestep.remarks.of_shapes.entered import Entered
+from fcsim.timestep.remarks.of_shapes.far_off import far_off
 from fcsim.timestep.remarks.of_shapes.few_facets import FewFacets
 from fcsim.timestep.remarks.spinning import spinning
 from fcsim.timestep.step import Step
@@ -57,4 +58,5 @@ class StepRemarks:
             | self._few(step, when, said)
             | self._corners(step, found, when, said)
             | self._entered(step, when, said)
+            | far_off(step, self._steps, when, said)
         )
