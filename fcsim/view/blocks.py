@@ -34,6 +34,10 @@ def draw_blocks(problem: MasonryProblem, path: Path) -> Path:
     return picture(plotter, np.concatenate(free), text, path, (0.0, -1.0, 0.0) if problem.dimension == 2 else (0.9, -1.5, 0.7))
 
 
+FILLED = 0.85
+"""Share of a picture that blocks take at most, along the side that they fill: the text is above them."""
+
+
 def canvas(pv: ModuleType) -> Plotter:
     """An empty picture."""
     plotter = pv.Plotter(off_screen=True, window_size=(1400, 1050))
@@ -51,9 +55,12 @@ def picture(plotter: Plotter, points: FloatArray, text: str, path: Path, eye: tu
     """Look at all points (n, 3) from the direction `eye`, write the text above and the picture into a file."""
     low, high = points.min(axis=0), points.max(axis=0)
     centre, size = 0.5 * (low + high), float(np.linalg.norm(high - low))
+    toward = np.array(eye) / np.linalg.norm(eye)
+    right = np.cross([0.0, 0.0, 1.0], toward) / np.linalg.norm(np.cross([0.0, 0.0, 1.0], toward))
+    half_width, half_height = (float(np.abs((points - centre) @ axis).max()) for axis in (right, np.cross(toward, right)))
     plotter.camera_position = [tuple(centre + size * np.array(eye)), tuple(centre), (0.0, 0.0, 1.0)]
     plotter.camera.parallel_projection = True
-    plotter.camera.parallel_scale = 0.42 * size
+    plotter.camera.parallel_scale = max(half_height, half_width * plotter.window_size[1] / plotter.window_size[0]) / FILLED
     plotter.add_text(text, font_size=11, color="#303030")
     plotter.background_color = "white"
     image = plotter.screenshot(return_img=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from textwrap import fill
 
 import numpy as np
 
@@ -46,7 +47,8 @@ def draw_cracks(problem: MasonryProblem, model: Model, x: FloatArray, joints: tu
         axes.set_xlabel("x [m]")
         axes.set_ylabel("z [m]")
         axes.grid(False)
-        axes.set_title(title, wrap=True, fontsize=10)
+        # over the whole figure, however narrow the axes; what matplotlib wraps itself takes no part in its layout, and was cut
+        drawing.suptitle(fill(title, 90), x=0.02, horizontalalignment="left", fontsize=10, fontweight="bold")
         shades = matplotlib().colors.ListedColormap(colours(np.linspace(0.25, 0.85, 256)))
         bar = matplotlib().cm.ScalarMappable(matplotlib().colors.Normalize(0.0, most / scale), shades)
         drawing.colorbar(bar, ax=axes, label=f"opening of the joint [{unit}]", shrink=0.8)

@@ -1,0 +1,50 @@
+"""Pictures of masonry: what they show is within them, whatever its proportions, and no title is cut."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fcsim.masonry import Block, MasonryProblem, structure
+from fcsim.mesh.solids.closed_surface import closed_surface
+
+pytest.importorskip("pyvista")
+pytest.importorskip("matplotlib")
+from matplotlib.image import imread
+
+from fcsim.view.blocks import draw_blocks
+from fcsim.view.cracks import draw_cracks
+
+CORNERS = np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1)], dtype=float)
+FACES = [(0, 3, 2, 1), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7)]
+
+
+def box(name: str, low: tuple[float, ...], size: tuple[float, ...], **about: object) -> Block:
+    return Block(closed_surface(name, (np.array(low) + CORNERS * size).tolist(), FACES), **about)  # type: ignore[arg-type]
+
+
+def stone_on_ground(size: tuple[float, float, float], dimension: int) -> MasonryProblem:
+    ground = box("ground", (0.0, 0.0, -0.01), (size[0], size[1], 0.01), support=True)
+    return MasonryProblem("stone", dimension, (ground, box("stone", (0.0, 0.0, 0.0), size, density=2000.0)), mu=0.5)
+
+
+@pytest.mark.parametrize("size", [(1.0, 1.0, 40.0), (1.0, 1.0, 1.0), (40.0, 1.0, 1.0), (1.0, 40.0, 1.0)])
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_blocks_of_any_proportions_are_within_their_picture(size: tuple[float, float, float], dimension: int, tmp_path: Path) -> None:
+    ink = imread(draw_blocks(stone_on_ground(size, dimension), tmp_path / "a.png"))[..., :3].min(axis=2) < 0.97
+    rim = 20  # pixel: below the text, which is in the upper left corner
+    assert not ink[-rim:].any() and not ink[100:, :rim].any() and not ink[100:, -rim:].any() and not ink[:rim, 700:].any()
+    drawn = ink[100:]
+    across, down = np.flatnonzero(drawn.any(axis=0)), np.flatnonzero(drawn.any(axis=1))
+    assert max(np.ptp(across) / ink.shape[1], np.ptp(down) / ink.shape[0]) > 0.4, "and fill it"
+
+
+@pytest.mark.parametrize("size", [(22.0, 1.0, 8.5), (22.0, 1.0, 10.0), (1.0, 1.0, 9.0)])
+def test_the_title_of_a_crack_map_is_whole(size: tuple[float, float, float], tmp_path: Path) -> None:
+    problem = stone_on_ground(size, 2)
+    model, _ = structure(problem)
+    for title in ("a stone: 20 mm of its support", "a stone of a long name " * 8):
+        drawn = draw_cracks(problem, model, np.zeros(model.n_dofs), (), tmp_path / "cracks.png", title)
+        image = imread(drawn)[..., :3].min(axis=2)
+        assert image[0].min() > 0.9 and image[:, 0].min() > 0.9 and image[:, -1].min() > 0.9
+        assert image[:40].min() < 0.5, "it is there"
