@@ -24,7 +24,7 @@ class FrictionTable:
         self._known: dict[tuple[int, int], float] = {}
         if isinstance(mu, Mapping):
             if "*" in self._names:  # its entries would be those of all
-                raise InputError("mu: expected no body of the name '*', which stands for any body in a table, got one: give it another name")
+                raise InputError("mu: expected no body of the name '*', which stands for any body in a table: give it another one")
             for key in mu:
                 if not (isinstance(key, tuple) and len(key) == 2):
                     raise InputError(f"mu: expected pairs of body names as keys, got {key!r}")
