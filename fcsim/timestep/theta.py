@@ -181,10 +181,12 @@ class Theta(Dynamic):
             return np.array([before.v @ M0, after.v @ M1, *works])
 
         def of_contact() -> FloatArray:
-            work = contact_work(acting, velocities()[2])
-            return np.array([work.normal, work.tangential, work.friction_dissipation])
+            v0, v1, v = velocities()
+            work = contact_work(acting, v)
+            damped = (theta - 0.5) * contact_work(acting, v1 - v0).normal if theta != 0.5 else 0.0
+            return np.array([work.normal, work.tangential, work.friction_dissipation, damped])
 
-        terms = (1, partial(elastic.of_first, first)), (2, partial(elastic.of_change, first, last)), (8, of_motion), (3, of_contact)
+        terms = (1, partial(elastic.of_first, first)), (2, partial(elastic.of_change, first, last)), (8, of_motion), (4, of_contact)
         start, strain, motion, contact = of_ranks(model, terms)
         (energy0, energy1), loss = energies_of(start, strain)
         kinetic0, kinetic1, loads, damped, change, turned0, turned1, supports = motion.tolist()
