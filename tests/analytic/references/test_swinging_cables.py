@@ -13,7 +13,15 @@ LENGTH, SPEED = 0.5, 2.0
 
 
 def swing(
-    theta: float, steps: int, *, h: float = 0.01, g: float = 9.81, unit: float = 1.0, soft: bool = False, beside: float = 0.0, **options: float
+    theta: float,
+    steps: int,
+    *,
+    h: float = 0.01,
+    g: float = 9.81,
+    unit: float = 1.0,
+    soft: bool = False,
+    beside: float = 0.0,
+    **options: float,
 ) -> list[fcsim.Step]:
     """A bob of 1 kg that hangs by 0.5 m, on one cable or on two to (+-beside), and is struck by 2 m/s along x."""
     a, low = 0.04 * unit, (0.0, 0.0, -LENGTH * unit)
