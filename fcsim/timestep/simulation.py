@@ -25,9 +25,9 @@ from fcsim.timestep.chain import Attempt, Clock, SolverSettings, given_up, not_c
 from fcsim.timestep.creation import REST, energy_at_rest, refuse_creation
 from fcsim.timestep.limits import NAMED_STRAIN, KinematicsLeft, Limits, refuse_beyond
 from fcsim.timestep.links.linked import refuse_linkage, refuse_unseen_cables
+from fcsim.timestep.links.mechanisms import left
 from fcsim.timestep.regularisation.doubts import doubts
 from fcsim.timestep.remarks.arguments import refuse_arguments, whole_number
-from fcsim.timestep.remarks.mechanisms import left
 from fcsim.timestep.remarks.of_steps import StepRemarks
 from fcsim.timestep.remarks.opening import opening_remarks
 from fcsim.timestep.remarks.same_on_all_ranks import same_on_all_ranks

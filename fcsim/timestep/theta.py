@@ -181,9 +181,8 @@ class Theta(Dynamic):
             return np.array([before.v @ M0, after.v @ M1, *works])
 
         def of_contact() -> FloatArray:
-            v0, v1, v = velocities()
-            work = contact_work(acting, v)
-            damped = (theta - 0.5) * contact_work(acting, v1 - v0).normal if theta != 0.5 else 0.0
+            (v0, v1, v), lead = velocities(), theta - 0.5
+            work, damped = contact_work(acting, v), lead and lead * contact_work(acting, v1 - v0).normal
             return np.array([work.normal, work.tangential, work.friction_dissipation, damped])
 
         terms = (1, partial(elastic.of_first, first)), (2, partial(elastic.of_change, first, last)), (8, of_motion), (4, of_contact)

@@ -14,9 +14,9 @@ from fcsim.contact_detection.never_touching import never_touching
 from fcsim.linkage import Linkage
 from fcsim.mesh.part import Body
 from fcsim.timestep.chain import SolverSettings
+from fcsim.timestep.links.mechanisms import mechanisms
 from fcsim.timestep.remarks.falling import falling
 from fcsim.timestep.remarks.locked_joints import locked_joints
-from fcsim.timestep.remarks.mechanisms import mechanisms
 from fcsim.timestep.remarks.of_laws.begun_anew import begun_anew
 from fcsim.timestep.remarks.over_time.lost_pulses import lost_pulses
 from fcsim.timestep.remarks.over_time.undersampled import undersampled
