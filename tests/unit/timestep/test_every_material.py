@@ -132,7 +132,7 @@ ELASTIC = ["saint venant-kirchhoff", "neo-hooke", "neo-hooke isochoric", "mooney
 
 
 @pytest.mark.parametrize(
-    ("name", "turns"), [("neo-hooke", 2), *(pytest.param(name, 10, marks=pytest.mark.slow, id=f"{name}-10") for name in ELASTIC)]
+    ("name", "turns"), [("neo-hooke", 1), *(pytest.param(name, 10, marks=pytest.mark.slow, id=f"{name}-10") for name in ELASTIC)]
 )
 def test_free_spin_keeps_energy_and_angular_momentum(name: str, turns: int) -> None:
     """To 1e-8 (ten turns), started without centrifugal strain, so that the block breathes by 1 % as it turns, by 0.15 rad a step."""
