@@ -112,7 +112,7 @@ class NodeToSegment:
 
     def _of_ranks(self, ranks: World, now: Configuration, candidate: IntArray, facet: IntArray) -> Feet:
         """`_nearest`, each rank of some candidates, which do not ask of one another, and gathered: candidates of possible pairs ascend."""
-        starts = candidate[len(candidate) * np.arange(1, ranks.size) // ranks.size] if len(candidate) else np.zeros(ranks.size - 1, np.int64)
+        starts = candidate[len(candidate) * np.arange(1, ranks.size) // ranks.size] if len(candidate) else np.zeros(ranks.size - 1, int)
         cuts = [0, *np.searchsorted(candidate, starts).tolist(), len(candidate)]
         own = slice(cuts[ranks.number], cuts[ranks.number + 1])
         with ranks.together("contacts"):
