@@ -104,21 +104,15 @@ FREE = [("block", "x-", "far", "x-")]
 
 @pytest.mark.parametrize("d", [2, 3])
 def test_spin_of_rubber_keeps_momentum_and_energy(d: int) -> None:
-    """A soft block that its spin stretches by some percent, and that swings: angular momentum to the tolerance, energy to third order in
-    the
-    change of strain though it turns by a tenth of a radian a step, the balance closed."""
-    errors = []
-    for h in (8e-3, 4e-3):
-        model, start = spinning(neo_hooke(1e6, 0.3, 1000.0), 20.0, d)
-        energy, momentum = 0.5 * start.v @ model.apply_mass(start.v), angular_momentum(model, start)
-        energies = []
-        for step in simulation(model, FREE, Theta(h), round(0.16 / h), initial=start):
-            assert abs(step.energy.residual) < 1e-9 * energy
-            energies.append(step.energy.kinetic + step.energy.elastic)
-        errors.append(np.abs(np.array(energies) - energy).max() / energy)
-        assert_allclose(angular_momentum(model, step.state), momentum, rtol=1e-8, atol=1e-8 * np.linalg.norm(momentum))
-        assert step.state.t > 0.159 and step.substeps == 1
-    assert max(errors) < 1e-4
+    """A soft block that its spin stretches by some percent, and that swings: angular momentum to the tolerance, energy to 1e-4 though it
+    turns by a tenth of a radian a step, the balance closed."""
+    model, start = spinning(neo_hooke(1e6, 0.3, 1000.0), 20.0, d)
+    energy, momentum = 0.5 * start.v @ model.apply_mass(start.v), angular_momentum(model, start)
+    for step in simulation(model, FREE, Theta(8e-3), 20, initial=start):
+        assert abs(step.energy.residual) < 1e-9 * energy
+        assert abs(step.energy.kinetic + step.energy.elastic - energy) < 1e-4 * energy
+    assert_allclose(angular_momentum(model, step.state), momentum, rtol=1e-8, atol=1e-8 * np.linalg.norm(momentum))
+    assert step.state.t > 0.159 and step.substeps == 1
 
 
 @pytest.mark.parametrize("scheme", [Theta(2e-3, 0.7), GeneralisedAlpha(2e-3, 0.6)], ids=["theta", "generalised alpha"])
@@ -136,7 +130,7 @@ def test_turning_law_of_small_strain_follows_the_floating_frame() -> None:
     ends = []
     for material in (Material(1e8, 0.3, 1000.0), LinearLaw(Material(1e8, 0.3, 1000.0))):
         model, start = spinning(material, 10.0)
-        *_, step = simulation(model, FREE, Theta(2e-3), 60, initial=start)
+        *_, step = simulation(model, FREE, Theta(2e-3), 30, initial=start)
         ends.append(step.state.x[: model.n_elastic])
     assert_allclose(ends[1], ends[0], atol=2e-3 * abs(ends[0]).max())
 

@@ -28,6 +28,7 @@ def stone_on_ground(size: tuple[float, float, float], dimension: int) -> Masonry
     return MasonryProblem("stone", dimension, (ground, box("stone", (0.0, 0.0, 0.0), size, density=2000.0)), mu=0.5)
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("size", [(1.0, 1.0, 40.0), (1.0, 1.0, 1.0), (40.0, 1.0, 1.0), (1.0, 40.0, 1.0)])
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_blocks_of_any_proportions_are_within_their_picture(size: tuple[float, float, float], dimension: int, tmp_path: Path) -> None:

@@ -190,7 +190,7 @@ def test_stress_colours_are_those_of_the_colour_bar(fake, tmp_path):
     assert share(image, softest, 3) > 0.01 and share(image, hardest, 3) > 0.003
 
 
-def test_rigid_bodies_alone_are_drawn(run_directory, tmp_path):
+def test_rigid_bodies_alone_are_drawn(run_directory, tmp_path, small_pictures):
     shutil.copytree(run_directory, tmp_path / "run")
     collection = tmp_path / "run/vtk/run.pvd"
     write_collection(collection, [entry for entry in read_collection(collection) if entry.series != "blocks"])
