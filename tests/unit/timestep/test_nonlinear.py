@@ -12,7 +12,7 @@ from fcsim.assembly.supports import Support
 from fcsim.contact_detection import Detector, SurfacePair
 from fcsim.contact_detection.surfaces.model_surfaces import contact_surface
 from fcsim.errors import InputError, NotConverged
-from fcsim.mesh.blocks import brick, rectangle, rigid_box, rigid_rectangle
+from fcsim.mesh.blocks import rectangle, rigid_rectangle
 from fcsim.mesh.material import Hyperelastic, Material, Plastic, PointFunction, Variable, mooney_rivlin, neo_hooke, saint_venant_kirchhoff
 from fcsim.mesh.material.law import LinearLaw
 from fcsim.mesh.part import Body
@@ -22,9 +22,7 @@ from fcsim.timestep.scheme import Scheme
 from fcsim.timestep.simulation import Simulation
 from fcsim.timestep.state import State
 from fcsim.timestep.theta import Theta
-
-FAR = 1e3
-
+from tests.unit.timestep.free_spin import FAR, angular_momentum, spinning
 
 Pairs = list[tuple[str, str, str, str]]
 
@@ -67,27 +65,6 @@ def test_linear_law_is_linear_elasticity(scale: float) -> None:
         *_, step = simulation(pulled(material, 1e3 * scale), AWAY, QuasiStatic(0.5), 2)
         ends.append(step.state.x)
     assert_allclose(ends[1], ends[0], atol=1e-9 * abs(ends[0]).max())
-
-
-def spinning(material: Any, omega: float, d: int = 2, **options: Any) -> tuple[Model, State]:
-    if d == 3:
-        part, far = brick("b", (0.4, 0.2, 0.1), (3, 2, 1), material), rigid_box("far", (1, 1, 1), (FAR, 0, 0), 1.0)
-    else:
-        part, far = rectangle("b", (0.4, 0.2), (4, 2), material), rigid_rectangle("far", (1, 1), (FAR, 0), 1.0)
-    held = Support("far", ("x", "y", "rz") if d == 2 else ("x", "y", "z", "rx", "ry", "rz"))
-    model = build_model([Body("block", part), far], supports=[held], **options)
-    X = part.points - part.points.mean(axis=0)
-    axis = omega * (np.array([2.0, 1.0, 2.0]) / 3 if d == 3 else np.array([0, 0, 1.0]))
-    v = np.zeros(model.n_dofs)
-    v[: model.n_elastic] = np.cross(axis, np.column_stack([X, np.zeros((len(X), 3 - d))]))[:, :d].ravel()
-    return model, State(0.0, np.zeros(model.n_dofs), v)
-
-
-def angular_momentum(model: Model, state: State) -> np.ndarray:
-    d, n = model.dimension, model.n_elastic
-    zeros = np.zeros((n // d, 3 - d))
-    arm = np.column_stack([model.reference.ravel()[:n].reshape(-1, d) + state.x[:n].reshape(-1, d), zeros])
-    return np.cross(arm, np.column_stack([model.apply_mass(state.v)[:n].reshape(-1, d), zeros])).sum(axis=0)
 
 
 def test_stiff_body_that_turns_is_not_strained_by_its_turning() -> None:
