@@ -281,7 +281,9 @@ class _Newton:
         l1 = np.empty(0) if result.multiplier is None else result.multiplier
         l0 = now.l if now.l.shape == l1.shape else l1
         while length >= _SHORTEST:
-            w, r, l = (v, result.r, l1) if length == 1 else (a + length * (b - a) for a, b in ((now.v, v), (r0, result.r), (l0, l1)))
+            w, r, l = v, result.r, l1
+            if length < 1:
+                w, r, l = now.v + length * (v - now.v), r0 + length * (result.r - r0), l0 + length * (l1 - l0)
             term = self.inner.at(w, tangent=not self.done)  # after the first problem there is a second one
             if not term.inadmissible:
                 met = equation.met if self.anew is None else self.anew.met(w, None)
