@@ -23,6 +23,8 @@ class FrictionTable:
         self._mu, self._names = mu, tuple(names)
         self._known: dict[tuple[int, int], float] = {}
         if isinstance(mu, Mapping):
+            if "*" in self._names:  # its entries would be those of all
+                raise InputError("mu: expected no body of the name '*', which stands for any body in a table: give it another one")
             for key in mu:
                 if not (isinstance(key, tuple) and len(key) == 2):
                     raise InputError(f"mu: expected pairs of body names as keys, got {key!r}")

@@ -41,7 +41,9 @@ class Energy:
     contact_gain             what contacts gave that no joint held: the work of all reactions less what `contact` lost. Friction and impacts
                              make it negative; what is positive was created. No term of the balance
     fracture_dissipation     fracture energy times area of what broke: part of the two above, no term of the balance
-    residual                 change of kinetic + elastic - load_work - support_work - link_work + the dissipations but the last: round-off
+    jump_dissipation         of numerical_dissipation what the scheme takes of jumps of velocity by reactions r: (theta - 1/2) r.du, at
+                             most all but the loads' part; a rigid impact loses this less contact_gain. No term of the balance
+    residual                 change of kinetic + elastic - load_work - support_work - link_work + dissipations but the last two: round-off
 
     The docstring of each scheme's `energy` has its identity.
     """
@@ -62,6 +64,7 @@ class Energy:
     link_work: float = 0.0
     links: float = 0.0
     fracture_dissipation: float = 0.0
+    jump_dissipation: float = 0.0
 
     def with_joints(self, before: float, after: float, breaking: Breaking) -> Energy:
         """The balance where joints held `before` [J] at the beginning and `after` at the end, and some broke."""
@@ -96,7 +99,8 @@ class Ledger:
     """What contact has created since the simulation began [J].
 
     supplied  kinetic and elastic energy at the beginning and the amounts of the works of loads and supports since
-    gained    sum of `Energy.contact_gain`: falls as friction and impacts dissipate; lowest: its least value so far
+    gained    sum of `Energy.contact_gain` less what the scheme took of the same jumps, without which a ball that rebounds with
+              e > 1 / theta - 1 would be said to make energy; falls as friction and impacts dissipate; lowest: its least value so far
     created   its largest rise above an earlier value: energy that came from nothing. What swings about zero, as the work of a lasting
               contact does in the theta scheme, does not add up
     """
@@ -110,7 +114,7 @@ class Ledger:
     def after(self, step: Energy) -> Ledger:
         """The ledger after another step."""
         supplied = (self.supplied if self.begun else step.at_beginning) + abs(step.load_work) + abs(step.support_work) + abs(step.link_work)
-        gained = self.gained + step.contact_gain
+        gained = self.gained + step.contact_gain - step.jump_dissipation
         lowest = min(self.lowest, gained)
         return Ledger(supplied, gained, lowest, max(self.created, gained - lowest), True)
 
@@ -157,10 +161,10 @@ def balance(
     numerical: float,
     contact: ContactWork,
     inner: InnerWork,
+    jumps: tuple[float, float] = (0.0, 0.0),
 ) -> Energy:
     """Close the balance; kinetic and elastic energy at the beginning and the end, works and dissipations as in `Energy`; inner: of the
-    bodies
-    of nonlinear materials."""
+    bodies of nonlinear materials; jumps: the scheme's theta - 1/2, and what the loads would work on the change of velocity [J]."""
     elastic = elastic[0] + inner.stored[0], elastic[1] + inner.stored[1]
     damping, numerical = damping + inner.viscous, numerical + inner.numerical
     change = kinetic[1] - kinetic[0] + elastic[1] - elastic[0]
@@ -176,6 +180,7 @@ def balance(
         friction_dissipation=contact.friction_dissipation,
         residual=change - loads - supports + damping + numerical + inner.dissipated - contact.normal - contact.tangential,
         material_dissipation=inner.dissipated,
+        jump_dissipation=max(min(jumps[0] * contact.jump, numerical - jumps[0] * jumps[1]), 0.0),
     )
 
 
@@ -223,11 +228,12 @@ def pushing(model: Model, x: FloatArray, when: When) -> FloatArray | float:
 
 @dataclass(frozen=True)
 class ContactWork:
-    """Work of the reactions r on the mean velocity: normal and tangential part; and -sum r_T . u_T at the end of the step."""
+    """Work of the reactions r on the mean velocity: normal and tangential part; -sum r_T . u_T at the end of the step; r on its change."""
 
     normal: float
     tangential: float
     friction_dissipation: float
+    jump: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -243,11 +249,13 @@ class Acting:
     __repr__ = brief
 
 
-def contact_work(acting: Acting, v: FloatArray) -> ContactWork:
-    """Work of r on H^T v (m,), v (n_dofs,) the velocity with which the scheme's energy works; rolling counts as tangential."""
+def contact_work(acting: Acting, v: FloatArray, change: FloatArray | None = None) -> ContactWork:
+    """Work of r on H^T v (m,), v (n_dofs,) the velocity with which the scheme's energy works; rolling counts as tangential. change
+    (n_dofs,): that of the velocity over the step."""
     reaction, mean, end = (a.reshape(-1, acting.rows) for a in (acting.r, transposed_times(acting.H, v), acting.u))
     return ContactWork(
         float(reaction[:, 0] @ mean[:, 0]),
         float(np.einsum("ai,ai->", reaction[:, 1:], mean[:, 1:])),
         -float(np.einsum("ai,ai->", reaction[:, 1:], end[:, 1:])),
+        0.0 if change is None else float(acting.r @ transposed_times(acting.H, change)),
     )

@@ -16,7 +16,7 @@ Sources: M. Jean, "The non-smooth contact dynamics method", Comput. Methods Appl
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import astuple, dataclass, field
 from functools import cache, partial
 
 import numpy as np
@@ -177,17 +177,17 @@ class Theta(Dynamic):
             if model.following:
                 load = load + pushing(model, before.x + theta * (after.x - before.x), self.when(before))
             turned = [0.0 if x is y else (x - y) @ M for x, y, M in ((before.v, v0, M0), (after.v, v1, M1))]
-            works = v @ load, v @ weighted_sum(theta, M1, 1 - theta, M0), (v1 - v0) @ (M1 - M0), *turned, v @ support
+            works = v @ load, v @ weighted_sum(theta, M1, 1 - theta, M0), (v1 - v0) @ (M1 - M0), *turned, v @ support, (v1 - v0) @ load
             return np.array([before.v @ M0, after.v @ M1, *works])
 
         def of_contact() -> FloatArray:
-            work = contact_work(acting, velocities()[2])
-            return np.array([work.normal, work.tangential, work.friction_dissipation])
+            v0, v1, v = velocities()
+            return np.array(astuple(contact_work(acting, v, v1 - v0 if theta != 0.5 else None)))
 
-        terms = (1, partial(elastic.of_first, first)), (2, partial(elastic.of_change, first, last)), (8, of_motion), (3, of_contact)
+        terms = (1, partial(elastic.of_first, first)), (2, partial(elastic.of_change, first, last)), (9, of_motion), (4, of_contact)
         start, strain, motion, contact = of_ranks(model, terms)
         (energy0, energy1), loss = energies_of(start, strain)
-        kinetic0, kinetic1, loads, damped, change, turned0, turned1, supports = motion.tolist()
+        kinetic0, kinetic1, loads, damped, change, turned0, turned1, supports, jerked = motion.tolist()
         work_inside = InnerWork()
         if model.nonlinear or model.held.turns:
             dx, mean = after.x - before.x, theta * after.v + (1 - theta) * before.v
@@ -205,5 +205,6 @@ class Theta(Dynamic):
             damping=h * model.alpha * damped + model.beta / h * loss,
             numerical=(theta - 0.5) * (change + loss) + 0.5 * (turned0 - turned1),
             contact=ContactWork(*contact.tolist()),
+            jumps=(theta - 0.5, h * jerked),
             inner=work_inside,
         )

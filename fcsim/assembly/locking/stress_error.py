@@ -48,8 +48,8 @@ def stress_error(model: Model, number: int, x: FloatArray, internal: FloatArray 
 
 def nodal_stress(model: Model, number: int, x: FloatArray, internal: FloatArray | None, t: float) -> FloatArray:
     """Stress (nn, 6) [Pa] at the nodes of deformable body `number`, components (xx, yy, zz, xy, yz, zx) along the world's axes: s* of
-    `fcsim.assembly.locking.recovery`, of laws of points Cauchy's, of a turning body of linear material without its turning. Where materials
-    meet, the mean of theirs."""
+    `fcsim.assembly.locking.recovery`, of laws of points Cauchy's, of a turning body of linear material turned with its frame. Where
+    materials meet, the mean of theirs."""
     body = model.deformable[number]
     total, count = np.zeros((len(body.part.points), 6)), np.zeros(len(body.part.points))
     for cells, stress, _ in _stresses(model, number, x, internal, t, cauchy=True):
@@ -57,7 +57,7 @@ def nodal_stress(model: Model, number: int, x: FloatArray, internal: FloatArray 
         total[nodes] += own
         count[nodes] += 1
     R = np.eye(3)
-    R[: model.dimension, : model.dimension] = body.rotation
+    R[: model.dimension, : model.dimension] = model.elastic.rotation(model.elastic.at(x))[number] @ body.rotation
     return voigt(R @ (total / count[:, None])[:, SYMMETRIC] @ R.T)
 
 

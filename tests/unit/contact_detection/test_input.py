@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from fcsim.contact_detection import ContactSurface, Detector, SurfacePair
+from fcsim.contact_detection.friction import FrictionTable
 from fcsim.errors import InputError
 from fcsim.mesh.material import Material
 from fcsim.mesh.part import Part
@@ -99,3 +100,10 @@ def test_surfaces_without_facets(rule: Any) -> None:
     empty = ContactSurface(np.empty((0, 4), int), np.empty(0, int))
     for pair in (SurfacePair(OTHER, empty, 0.5, 0.2, rule), SurfacePair(empty, OTHER, 0.5, 0.2, rule)):
         assert len(Detector([pair], 8)(POINTS)) == 0
+
+
+def test_a_body_named_as_any_body_has_no_table_of_friction() -> None:
+    """("*", "floor") would be friction of all bodies on the floor, not that of the one."""
+    with pytest.raises(InputError, match=r"mu: expected no body of the name '\*', which stands for any body"):
+        FrictionTable({("*", "floor"): 0.5, ("*", "*"): 0.3}, ["*", "floor", "block"])
+    assert FrictionTable(0.5, ["*", "floor"])(np.array([[0, 1]])) == 0.5

@@ -8,15 +8,16 @@ from numpy.testing import assert_allclose
 
 from fcsim.assembly.model import build_model
 from fcsim.assembly.supports import Support
-from fcsim.contact_detection import Detector, SurfacePair
+from fcsim.contact_detection import Detector, Everything, SurfacePair
 from fcsim.contact_detection.surfaces.model_surfaces import contact_surface
 from fcsim.errors import InputError
 from fcsim.mesh.blocks import brick, rectangle, rigid_box
-from fcsim.mesh.material import Material
+from fcsim.mesh.material import Material, saint_venant_kirchhoff
 from fcsim.mesh.part import Body
 from fcsim.running.case import Sensor
-from fcsim.running.sensors import contact_force, displacement, joint_opening, support_force
+from fcsim.running.sensors import contact_force, displacement, joint_opening, stress, support_force
 from fcsim.timestep.simulation import Simulation
+from fcsim.timestep.state import State
 from fcsim.timestep.step import Step
 from fcsim.timestep.theta import Theta
 
@@ -141,3 +142,19 @@ def test_a_joint_in_the_plane() -> None:
 def test_refusals(pressed: Simulation, make: Callable[[object], Sensor], message: str) -> None:
     with pytest.raises(InputError, match=message):
         make(pressed.model)
+
+
+@pytest.mark.parametrize("material", [Material(1e6, 0.0, 1000.0), saint_venant_kirchhoff(1e6, 0.0, 1000.0)])
+def test_the_stress_of_a_body_that_has_turned_is_along_the_axes_of_the_world(material: Material) -> None:
+    """A bar placed at 30 degrees, drawn by 1e-4 along itself and turned by 50 more: E 1e-4 a a^T, a at 80 degrees."""
+    placed, turn = (np.array([[np.cos(a), -np.sin(a)], [np.sin(a), np.cos(a)]]) for a in np.radians([30.0, 50.0]))
+    bar = Body("bar", rectangle("bar", (0.4, 0.1), (4, 1), material), rotation=placed)
+    model = build_model([bar])
+    drawn = bar.part.points * (1 + 1e-4, 1.0) @ (turn @ placed).T
+    start = State(0.0, (drawn - bar.points).ravel(), np.zeros(model.n_dofs))
+    (step,) = Simulation(model, Everything(model, mu=0.0), Theta(1e-9), 1, initial=start)
+    along = turn @ placed @ (1.0, 0.0)
+    expected = 1e6 * 1e-4 * np.outer(along, along)
+    point = tuple(bar.points[0].tolist())
+    found = [stress("s", model, "bar", component, point).measure(step) for component in ("xx", "yy", "xy")]
+    assert_allclose(found, [expected[0, 0], expected[1, 1], expected[0, 1]], atol=5e-4 * 1e2)

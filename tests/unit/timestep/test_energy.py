@@ -70,7 +70,7 @@ def assert_closed(model: Model, steps: list[Step], kinetic: bool = True) -> None
 @pytest.mark.parametrize("lumped", [True, False])
 def test_theta_closes_the_balance(theta: float, law: Gap | Velocity, lumped: bool) -> None:
     model = pressed(lumped, alpha=2.0, beta=1e-3)
-    # theta > 1/(1+e) makes impacts create energy, see `Velocity`: a run stops unless it may
+    # theta > 1/(1+e) may make impacts of elastic bodies create energy, see `Velocity`: a run stops unless it may
     steps = simulate(model, Theta(2e-3, theta, law), 40, created=np.inf)
     assert_closed(model, steps)
     numerical = np.array([step.energy.numerical_dissipation for step in steps])
@@ -140,3 +140,30 @@ def test_a_falling_block_and_a_force() -> None:
     # the weight's impulse of the step falls into the impact: m g h |v| / 2 of the energy
     assert_allclose(impact.energy.normal_dissipation, lost, rtol=2 * g * h / abs(impact.previous.v[2]))
     assert_allclose(steps[-1].energy.kinetic, 0.5 * mass * (push / mass * 40 * h) ** 2, rtol=1e-6)
+
+
+@pytest.mark.parametrize("theta", [0.5, 0.6, 1.0])
+def test_a_rigid_rebound_makes_no_energy_whatever_theta(theta: float) -> None:
+    """e = 0.8 takes 0.18 m v^2 (Newton); the reaction's work on v_theta is positive from theta = 5/9 on, and the run is not stopped."""
+    bodies = [rigid_box("block", (0.4, 0.2, 0.02), (0, 0, 0.01 + 2e-3), 2.0), rigid_box("plane", (4, 4, 1), (0, 0, -0.5), 1.0)]
+    model = build_model(bodies, supports=[HELD])
+    initial = at_rest(model)
+    initial.v[2] = -1.0
+    steps = simulate(model, Theta(1e-3, theta, Velocity(0.8)), 10, 0.0, initial, "block")
+    assert_allclose(steps[-1].state.v[2], 0.8, rtol=1e-9)
+    assert_allclose(steps[-1].ledger.gained, -0.18 * 2.0, rtol=1e-9)
+    assert steps[-1].ledger.created <= 1e-9
+
+
+@pytest.mark.parametrize("h", [1e-3, 1e-2])
+def test_what_elastic_rebounds_make_is_counted(h: float) -> None:
+    """Whatever kinetic and elastic energy an elastic bar at theta = 1 has more than at an earlier time, contact is said to have made."""
+    bar = brick("bar", (0.2, 0.2, 0.3), (1, 1, 3), SOFT, origin=(0, 0, 1e-3))
+    model = build_model([Body("bar", bar), rigid_box("plane", (4, 4, 1), (0, 0, -0.5), 1.0)], supports=[HELD])
+    initial = at_rest(model)
+    initial.v[2 : model.n_elastic : 3] = -1.0
+    steps = simulate(model, Theta(h, 1.0, Velocity(0.8)), 60, 0.0, initial, created=np.inf)
+    energy = np.array([0.5 * 1000.0 * 0.2 * 0.2 * 0.3, *(step.energy.kinetic + step.energy.elastic for step in steps)])
+    rise = (energy - np.minimum.accumulate(energy)).max()
+    assert steps[-1].ledger.created >= rise - 1e-9
+    assert any(step.energy.jump_dissipation > 0 for step in steps)
