@@ -309,7 +309,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if known:
         head += [f"* {len(known)} problems are from an earlier run that this one went on with."]
     head += [f"* {note}." for note in notes] + [""]
-    lines = ["# fcsim and Siconos side by side", "", *head]
+    about = "Which is faster, and where: `auto` and every configuration of Siconos on the same problems, to the same error."
+    lines = ["# fcsim and Siconos side by side", "", about, "", *head]
     for tol in options.tol:
         lines += comparison(record.rows, tol, options.solver, options.clock)
     write_markdown(

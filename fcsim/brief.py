@@ -63,7 +63,7 @@ def shown(value: object) -> str:
 def by_fields(record: object) -> tuple[Callable[..., object], tuple[object, ...]]:
     """`__reduce__` of a dataclass: its class and the values of its fields. Factors, locks and other caches stay in the process, and are
     made anew where it is used."""
-    given = {field.name: getattr(record, field.name) for field in fields(record) if field.init}  # type: ignore[arg-type]
+    given = {field.name: getattr(record, field.name) for field in fields(record) if field.init}  # type: ignore[arg-type] # a dataclass
     return _made, (type(record), {name: dict(value) if isinstance(value, MappingProxyType) else value for name, value in given.items()})
 
 

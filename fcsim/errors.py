@@ -51,7 +51,7 @@ def asked[T](what: str, function: Callable[..., T], *arguments: object) -> T:
         return function(*arguments)
     except FcsimError:
         raise
-    except Exception as error:
+    except Exception as error:  # whatever a user's function raises
         frame = traceback.extract_tb(error.__traceback__)[-1]
         where = f" ({frame.filename}, line {frame.lineno})" if frame.name != "asked" else ""
         said = " ".join(str(error).split())

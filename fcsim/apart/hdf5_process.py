@@ -84,7 +84,7 @@ def _answer(process: subprocess.Popen[bytes], request: bytes) -> tuple[About, by
     while place:
         if time.monotonic() > deadline:
             raise TimeoutError
-        if not (count := out.readinto(place)):  # type: ignore[attr-defined]
+        if not (count := out.readinto(place)):  # type: ignore[attr-defined] # IO[bytes] has no readinto, the pipe has
             raise EOFError
         place = place[count:]
     return decoded(about), values

@@ -117,7 +117,7 @@ def _group(group: h5py.Group, depth: int, answer: _Answer, count: list[int]) -> 
         return {"kind": "broken", "why": f"groups in a circle, or deeper than {DEPTH}"}
     try:
         names, attributes = list(group), _attributes(group, answer)
-    except Exception as error:
+    except Exception as error:  # h5py raises anything on a damaged file
         return {"kind": "broken", "why": f"{type(error).__name__}: {error}"[:500]}
     return {
         "kind": "group",

@@ -157,8 +157,8 @@ def _read[T: Table](path: Path, column: str, quantity: str, time: str, kind: typ
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"{path}: expected a CSV file of times and values: {error}") from None
     note_read(path)
-    lines = [(number, line) for number, line in enumerate(text.splitlines(), start=1) if line.strip() and not line.lstrip().startswith("#")]
-    rows = [(number, _cells(path, number, line)) for number, line in lines]
+    lines = enumerate(text.splitlines(), start=1)
+    rows = [(number, _cells(path, number, line)) for number, line in lines if line.strip() and not line.lstrip().startswith("#")]
     if not rows:
         raise InputError(f"{path}: expected a header 't [s], {column} [unit]' and rows of numbers, found none")
     header = dict(_heading(entry) for entry in rows[0][1])

@@ -94,5 +94,6 @@ def combinations(over: Sequence[tuple[str, Sequence[str]]], table: Sequence[Mapp
     count = math.prod((len(table) or 1, *(len(values) for _, values in over)))
     if count > MOST:
         raise InputError(f"--over: expected at most {MOST} combinations, got {count}")
-    grid = [dict(zip((name for name, _ in over), values, strict=True)) for values in itertools.product(*(values for _, values in over))]
+    names, several = [name for name, _ in over], [values for _, values in over]
+    grid = [dict(zip(names, values, strict=True)) for values in itertools.product(*several)]
     return [{**row, **place} for row in (table or [{}]) for place in grid]

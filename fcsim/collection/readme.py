@@ -31,7 +31,8 @@ def facts(entries: Sequence[Entry], described: Sequence[Properties]) -> dict[str
     """The table's rows that the problems themselves tell."""
     rows = one_a_problem(entries)
     mu = [coefficient for properties in described if properties.nc for coefficient in properties.friction]
-    symmetric, full = ([row.symmetric for row in rows if row.nc], [row.rank == row.m for row in rows if row.nc and row.rank is not None])
+    symmetric = [row.symmetric for row in rows if row.nc]
+    full = [row.rank == row.m for row in rows if row.nc and row.rank is not None]
     W = ["symmetric" if all(symmetric) else f"unsymmetric in {symmetric.count(False)}"] if symmetric else []
     if full:
         deficit = [row.m - row.rank for row in rows if row.rank is not None]

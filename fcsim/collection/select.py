@@ -172,7 +172,8 @@ def _names(chosen: Sequence[Graded], directory: Path) -> list[str]:
     for graded in chosen:
         folders = [cell(part) for part in graded.member.path.relative_to(directory).parent.parts if part not in FORMS]
         stem, step = graded.member.stem, graded.name.step or 0
-        sets = chain((graded.name.fclib_set, stem, "-".join([*folders, stem])), (f"{'-'.join([*folders, stem])}_{k}" for k in numbers(2)))
+        whole = "-".join([*folders, stem])
+        sets = chain((graded.name.fclib_set, stem, whole), (f"{whole}_{k}" for k in numbers(2)))
         made = (file_name(s.replace("\\", "_"), graded.iterations, graded.nc, step) for s in sets)  # bytes that are no UTF-8: \udce9
         name = next(name for name in made if name.lower() not in taken)
         taken.add(name.lower())

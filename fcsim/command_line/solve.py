@@ -103,7 +103,7 @@ def _raising_plainly(solver: str) -> Iterator[None]:
         yield
     except FcsimError:
         raise
-    except Exception as error:
+    except Exception as error:  # whatever a plugin raises
         if not plugin_of(solver):
             raise
         text = f"{type(error).__name__}: {error}".strip().splitlines()[0]

@@ -62,7 +62,7 @@ def solve(
     cells: float = 0.5,
     solver: str = "PPA-NSN-AC",
     tol: float = 1e-9,
-    witness: Witness | None = Witness(),  # noqa: B008  a frozen value
+    witness: Witness | None = Witness(),  # noqa: B008 - a frozen value
     watch: Watch = lambda step: None,
 ) -> Results:
     """Solve a problem of compas_dem; its units: m, N, kg, s, rad. Long because it has the options of compas_dem's solvers.

@@ -57,4 +57,4 @@ def innermost(detection: Detection) -> Detection:
     """The detection that finds contacts of bodies, within what is put around it: cables, pairs that are left out, a rule of one's own with
     an attribute `detection`."""
     within: object = getattr(detection, "detection", None)
-    return detection if within is None else innermost(within)  # type: ignore[arg-type]
+    return detection if within is None else innermost(within)  # type: ignore[arg-type] # an attribute of any class

@@ -96,7 +96,8 @@ class Detector:
             methods.append(method([pairs[k] for k in numbers[-1]], self.edge_tolerance, self.penetration))
             identities[numbers[-1]] = methods[-1].identities
         first = np.concatenate([[0], np.cumsum(identities)[:-1]])
-        for name, value in (("pairs", pairs), ("methods", tuple(methods)), ("numbers", tuple(numbers)), ("first_identity", first)):
+        values = {"pairs": pairs, "methods": tuple(methods), "numbers": tuple(numbers), "first_identity": first}
+        for name, value in values.items():
             object.__setattr__(self, name, value)
 
     @cached_property
@@ -131,9 +132,10 @@ class Detector:
         if displacement is None:
             return now
         way = self._checked(displacement)
-        count = self._looks(x, way)
-        times = np.arange(1, count + 1) / max(count, 1)
-        return with_swept(now, lambda t: self._at(x + t * way), x, way, times, max(pair.alert for pair in self.pairs)) if count else now
+        if not (count := self._looks(x, way)):
+            return now
+        times, alert = np.arange(1, count + 1) / count, max(pair.alert for pair in self.pairs)
+        return with_swept(now, lambda t: self._at(x + t * way), x, way, times, alert)
 
     @cached_property
     def _nodes_of_pairs(self) -> list[tuple[IntArray, ...]]:

@@ -75,7 +75,7 @@ class Variables:
         joined = {}
         for name in dict.fromkeys([*self.values, *values]):
             old, new = self.values.get(name), values.get(name)
-            shape = (new if new is not None else old).shape[1:]  # type: ignore[union-attr]
+            shape = (new if new is not None else old).shape[1:]  # type: ignore[union-attr] # one of them is there
             old = np.full((len(self.identity), *shape), np.nan) if old is None or name in OF_ONE_STEP else old
             new = np.full((len(identity), *shape), np.nan) if new is None else new
             joined[name] = np.concatenate([old[absent], new])[order]

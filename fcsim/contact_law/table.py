@@ -48,7 +48,7 @@ class LawTable:
             for own, value in given:
                 whole[own] = value
             joined[field.name] = whole if given else None  # None: a problem without it
-        return Terms(**joined)  # type: ignore[arg-type]
+        return Terms(**joined)  # type: ignore[arg-type] # by the names of its fields
 
     def remember(self, meeting: Meeting, outcome: Outcome) -> Remembered:
         number = self.number_of(meeting.contacts)
@@ -148,5 +148,5 @@ def _own(variables: Variables | None, k: int) -> Variables | None:
 
 def _part_of(outcome: Outcome, own: BoolArray) -> Outcome:
     given = {field.name: getattr(outcome.terms, field.name) for field in fields(Terms)}
-    terms = Terms(**{name: None if value is None else value[own] for name, value in given.items()})  # type: ignore[arg-type]
+    terms = Terms(**{name: None if value is None else value[own] for name, value in given.items()})  # type: ignore[arg-type] # likewise
     return Outcome(terms, outcome.u[own], outcome.r[own], outcome.after[own])

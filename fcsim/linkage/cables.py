@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
+from scipy.sparse import csr_array, vstack
 
 from fcsim.arrays import FloatArray, IntArray
 from fcsim.assembly.model import Model
@@ -15,6 +18,9 @@ from fcsim.contact_detection.frames import frames
 from fcsim.errors import MODEL, InputError, expect
 from fcsim.linkage.linkage import Linkage
 from fcsim.linkage.links import Cable
+from fcsim.linkage.rows import Jointed
+
+_BODIES = 1 << 31  # more than there are
 
 
 @dataclass(frozen=True)
@@ -38,30 +44,63 @@ class WithCables:
 
     def __call__(self, positions: FloatArray, displacement: FloatArray | None = None) -> Contacts:
         found = self.detection(positions, displacement)
-        cables = [self._contact(k, positions) for k in range(len(self.linkage.cables))]
-        return join([found, *cables])
+        return join([found, self._contacts(positions)]) if self.linkage.cables else found
 
-    def _contact(self, k: int, positions: FloatArray) -> Contacts:
-        piece, model = self.linkage.cables[k], self.linkage.model
-        ends = piece.weights @ positions + piece.ground
-        arm = ends[1] - ends[0]
-        length = float(np.linalg.norm(arm))
-        normal = arm / length if length > 0 else np.eye(len(arm))[0]
-        W = piece.weights.tocoo()
-        row, node = W.coords
-        assert isinstance(piece.link, Cable)
-        first, second = (None if body is None else model.number[body] for body in (piece.link.first, piece.link.second))
-        slave = 0 if first is None else first
-        return Contacts(
-            point=ends[1:],
-            frame=frames(normal[None]),
-            gap=np.array([piece.rest - length]),
-            mu=np.zeros(1),
-            nodes=np.asarray(node, dtype=np.int64)[None],
-            weights=np.where(row == 0, W.data, -W.data)[None],
-            bodies=np.array([[slave, slave if second is None else second]]),
-            identity=np.array([CABLES + k]),
+    @cached_property
+    def _cables(self) -> _Cables:
+        pieces, number = self.linkage.cables, self.linkage.model.number
+        count = np.array([piece.weights.nnz for piece in pieces])
+        nodes = np.full((len(pieces), count.max()), -1, dtype=np.int64)
+        weights = np.zeros(nodes.shape)
+        own = np.arange(nodes.shape[1]) < count[:, None]
+        ends = vstack([piece.weights for piece in pieces], format="csr")
+        of_end = np.repeat(np.arange(ends.shape[0]), np.diff(ends.indptr))
+        nodes[own], weights[own] = ends.indices, np.where(of_end % 2 == 0, ends.data, -ends.data)
+        named = [[None if body is None else number[body] for body in _bodies(piece.link)] for piece in pieces]
+        bodies = [(0 if first is None else first, second) for first, second in named]
+        return _Cables(
+            ends,
+            np.concatenate([piece.ground for piece in pieces]),
+            np.array([piece.rest for piece in pieces]),
+            nodes,
+            weights,
+            np.array([(first, first if second is None else second) for first, second in bodies]),
         )
+
+    def _contacts(self, positions: FloatArray) -> Contacts:
+        """The cables at positions (n_nodes, d) [m], open ones too."""
+        cables = self._cables
+        ends = (cables.ends @ positions + cables.ground).reshape(len(cables.rest), 2, -1)
+        arm = ends[:, 1] - ends[:, 0]
+        length = np.linalg.norm(arm, axis=1)
+        normal = np.where(length[:, None] > 0, arm, np.eye(arm.shape[1])[0]) / np.where(length > 0, length, 1.0)[:, None]
+        return Contacts(
+            point=ends[:, 1],
+            frame=frames(normal),
+            gap=cables.rest - length,
+            mu=np.zeros(len(length)),
+            nodes=cables.nodes,
+            weights=cables.weights,
+            bodies=cables.bodies,
+            identity=CABLES + np.arange(len(length)),
+        )
+
+
+class _Cables(NamedTuple):
+    """What cables are in every configuration: ends (2 nc, n_nodes), the first and the second of each as weights of nodes, ground
+    (2 nc, d) [m] where they stand still; rest (nc,) [m]; nodes, weights (nc, k) and bodies (nc, 2) of `Contacts`."""
+
+    ends: csr_array
+    ground: FloatArray
+    rest: FloatArray
+    nodes: IntArray
+    weights: FloatArray
+    bodies: IntArray
+
+
+def _bodies(link: Jointed) -> tuple[str | None, str | None]:
+    assert isinstance(link, Cable)
+    return link.first, link.second
 
 
 @dataclass(frozen=True)
@@ -83,11 +122,8 @@ class _Without:
 
     def __call__(self, positions: FloatArray, displacement: FloatArray | None = None) -> Contacts:
         found = self.detection(positions, displacement)
-        low, high = found.bodies.min(axis=1, initial=1 << 30), found.bodies.max(axis=1, initial=-1)
-        dropped = np.zeros(len(found), dtype=bool)
-        for a, b in self.pairs:
-            dropped |= (low == a) & (high == b)
-        return found.take(~dropped)
+        own, dropped = (bodies[:, 0] * _BODIES + bodies[:, 1] for bodies in (np.sort(found.bodies, axis=1), self.left_out))
+        return found.take(~np.isin(own, dropped))
 
 
 def without_contact_of(detection: Detection, model: Model, pairs: Iterable[tuple[str, str]]) -> Detection:

@@ -96,7 +96,8 @@ class Linkage:
     @property
     def nodes(self) -> IntArray:
         """Sorted numbers of the nodes that links touch."""
-        every = [piece.weights.indices for piece in (*self._pieces, *self.cables)] + [couple.nodes for couple in self._couples.nodal]
+        of_points = [piece.weights.indices for piece in (*self._pieces, *self.cables)]
+        every = of_points + [couple.nodes for couple in self._couples.nodal]
         return np.unique(np.concatenate([*every, np.empty(0, dtype=np.int64)])).astype(np.int64)
 
     def rows(self, x: FloatArray, like: Rows | None = None) -> Rows:

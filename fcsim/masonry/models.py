@@ -33,10 +33,13 @@ def read_model(
     """Return the problem of a file: "masonry-problem/1", COMPAS JSON (see `read_compas`), solids (see `masonry_of_surfaces`), or a mesh
     (see `masonry_of_mesh`).
 
-    mu: friction of all joints, in place of the file's (0.6 where it has none); density [kg/m^3] of blocks that have none in the file
-    (None: 2000), refused where all have theirs;
-    scale: metres to the file's unit of length; supports: names or patterns of blocks that are held besides; where none is, a floor is laid.
-    array: of a mesh's cells, see `masonry_of_mesh`.
+    mu        friction of all joints, in place of the file's (0.6 where it has none)
+    density   [kg/m^3] of blocks that have none in the file (None: 2000); refused where all have theirs
+    scale     metres to the file's unit of length
+    supports  names or patterns of blocks that are held besides; where none is, a floor is laid
+    array     of a mesh's cells, see `masonry_of_mesh`
+
+    InputError for another kind of file, and for options that do not go with its kind.
     """
     path = Path(path)
     if path.suffix.lower() not in MODELS:

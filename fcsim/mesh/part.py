@@ -140,7 +140,7 @@ class Part:
     material: AnyMaterial | ByRegion
     plane: Literal["strain", "stress"] = "strain"
     thickness: float = 1.0
-    elements: str = field(default=None, kw_only=True)  # type: ignore[assignment]
+    elements: str = field(default=None, kw_only=True)  # type: ignore[assignment] # set by __post_init__
     regions: Mapping[str, IntArray] = field(default_factory=dict, kw_only=True)
     nodes: Mapping[str, IntArray] = field(default_factory=dict, kw_only=True)
 
@@ -243,8 +243,8 @@ class Body(Placed):
 
     name: str
     part: Part
-    rotation: FloatArray = None  # type: ignore[assignment]
-    translation: FloatArray = None  # type: ignore[assignment]
+    rotation: FloatArray = None  # type: ignore[assignment] # set by __post_init__
+    translation: FloatArray = None  # type: ignore[assignment] # set by __post_init__
     kinematics: Kinematics | None = field(default=None, kw_only=True)
 
     __repr__, __reduce__ = brief, by_fields

@@ -95,7 +95,7 @@ def sharing() -> Iterator[World | None]:
     _shared.append(ranks)
     try:
         yield ranks
-    except BaseException as error:
+    except BaseException as error:  # an interrupt, too: the other ranks are told
         _shared.pop()
         why = f"interrupted by {ended_by(error)}" if is_interrupt(error) else f"{type(error).__name__}: {error}"
         if ranks.number and isinstance(error, Exception) and not isinstance(error, FcsimError) and not hasattr(error, "__notes__"):

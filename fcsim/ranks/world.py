@@ -169,7 +169,7 @@ class World:
         error: Exception | None = None
         try:
             yield
-        except Exception as raised:
+        except Exception as raised:  # of any class: the others wait for what is agreed
             error = raised
         self._agree(what, error)
 
@@ -188,7 +188,7 @@ class World:
                 yield self._libraries
             except FcsimError:  # found by all of them
                 raise
-            except BaseException:
+            except BaseException:  # an interrupt, too: the others are within the library's exchanges
                 self.broken = True
                 raise
 
@@ -200,7 +200,7 @@ class World:
             yield
         except (RankEnded, Drifted):
             raise
-        except Exception as error:
+        except Exception as error:  # of any class, see above
             self.broken = True
             raise RankFailed(f"{what}: {type(error).__name__}: {error}") from error
 

@@ -157,7 +157,7 @@ def load_case(path: str | Path) -> CaseScript:
         raise InputError(f"case {str(path)!r}: {script} cannot be loaded as Python: {error}") from None
     except EOFError as error:
         raise _asks(error, script) from None
-    except Exception as error:
+    except Exception as error:  # whatever a user's script raises
         raise _of_the_script(error, script) from error
     return _checked(module, name, script, digest)
 
@@ -191,7 +191,7 @@ def _checked(module: ModuleType, name: str, script: Path, digest: str) -> CaseSc
             raise InputError(f"case {name!r}: expected parameters that its script can compute with: {error}") from error
         except OSError:  # the machine's
             raise
-        except Exception as error:
+        except Exception as error:  # whatever a user's script raises
             raise _of_the_script(error, script) from error
         if not isinstance(case, Case):
             mend = "; is the `return` missing?" if case is None else ""

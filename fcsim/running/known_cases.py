@@ -70,8 +70,8 @@ def declared_parameters(script: Path) -> list[DeclaredParameter]:
     except (OSError, SyntaxError, ValueError):
         return []
     found = (node for node in tree.body if isinstance(node, ast.ClassDef) and node.name == "Parameters")
-    fields = [node for declared in found for node in declared.body if isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name)]
-    return [_declared(node) for node in fields]
+    annotated = [node for declared in found for node in declared.body if isinstance(node, ast.AnnAssign)]
+    return [_declared(node) for node in annotated if isinstance(node.target, ast.Name)]
 
 
 def _declared(node: ast.AnnAssign) -> DeclaredParameter:

@@ -78,7 +78,7 @@ class Outputs:
         self._process = os.getpid()
         self._table = StepTable(directory / "steps.csv", case.sensors, start)
         self._series = SeriesWriter(directory / "vtk", case.simulation.model) if options.vtk_every else None
-        about = (case.description, f"fcsim {__version__}", f"parameters: {asdict(parameters)}")  # type: ignore[call-overload]
+        about = (case.description, f"fcsim {__version__}", f"parameters: {asdict(parameters)}")  # type: ignore[call-overload] # a dataclass: `case`
         text = "; ".join(filter(None, about))
         forms, iterations = options.export_forms, options.export_iterations
         self._fclib = FclibSeries(directory / "fclib", case.fclib_set, forms, iterations, text, Compressor())
@@ -124,7 +124,7 @@ class Outputs:
             return
         try:
             write()
-        except BaseException:
+        except BaseException:  # an interrupt, too
             self._failed = True
             raise
 

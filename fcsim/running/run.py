@@ -254,7 +254,7 @@ def _run(
         status, message = "not converged", str(error)
     except Unphysical as error:
         status, message = "failed", str(error)
-    except BaseException as error:
+    except BaseException as error:  # an interrupt, too: run.json says how the run ended
         if not writes():
             raise
         if not is_interrupt(error):

@@ -62,7 +62,7 @@ class StepTable:
         try:
             while left:
                 left = left[os.write(number, left) :]
-        except BaseException as error:
+        except BaseException as error:  # an interrupt, too
             os.ftruncate(number, before)  # the step is not one that the run has done: half its row, or one that came later, would say so
             if isinstance(error, OSError):
                 error.filename = str(self._path)

@@ -73,7 +73,7 @@ def _newton(formulation: str, source: str, siconos: str, rho: str = "split spect
     )
 
 
-def _nsgs(one_contact: str, source: str, siconos: str = "", options: GaussSeidelOptions = GaussSeidelOptions()) -> Method:  # noqa: B008
+def _nsgs(one_contact: str, source: str, siconos: str = "", options: GaussSeidelOptions = GaussSeidelOptions()) -> Method:  # noqa: B008 - frozen
     siconos = siconos or ONE_CONTACT[one_contact].siconos
     return Method(nsgs, replace(options, one_contact=one_contact), "Gauss-Seidel", source, f"NSGS + {siconos}" if siconos else "")
 

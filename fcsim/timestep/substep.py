@@ -30,7 +30,7 @@ from fcsim.timestep.state import State, updated
 from fcsim.timestep.step import Moment, Step
 from fcsim.timestep.step_equation.closing import Closing
 from fcsim.timestep.step_equation.end_velocity import turning_impulse
-from fcsim.timestep.step_equation.equation import Answer, Equation, Past
+from fcsim.timestep.step_equation.equation import Answer, Equation, Past, StepSolver
 from fcsim.timestep.step_equation.linearisation import Linearisation, joined_nodes
 from fcsim.timestep.step_equation.look_ahead.ahead import ROUNDS, borne_at_first, looked_ahead
 from fcsim.timestep.step_equation.penetration import AtEnd, at_end
@@ -182,7 +182,7 @@ class Substep:
             return None
 
         def solve(equation: Equation, past: Past) -> tuple[Answer | None, Past]:
-            return solve_equation(equation, run.settings(start.state.t), run.extent, past, self.attempts, Clock())
+            return solve_equation(equation, StepSolver(run.settings(start.state.t), run.extent, self.attempts, Clock()), past)
 
         made = struck(run.model, run.detector, scheme, start, run.proportions, run.linkage, run.system, solve)
         return (start, None) if made is None else (replace(start, state=made.state), made.energy)
@@ -201,9 +201,9 @@ class Substep:
         run, model, scheme, links = self.run, self.run.model, self.scheme, opened.links
         equation = replace(opened.equation)  # a copy of its own, whose W ends with it where the part is solved again
         past, state, looks = opened.past, opened.start.state, 0
-        settings = run.settings(state.t, len(equation.met.contacts))
+        solver = StepSolver(run.settings(state.t, len(equation.met.contacts)), run.extent, self.attempts, self.clock)
         while True:
-            answer, past = solve_settled(equation, settings, run.extent, past, self.attempts, self.clock, partial(self._anew, opened.start))
+            answer, past = solve_settled(equation, solver, past, partial(self._anew, opened.start))
             if kept is not None and past.serving is not None:
                 kept[self.cuts] = past.serving
             if answer is None:

@@ -36,6 +36,17 @@ class History(NamedTuple):
     normal: np.ndarray
 
 
+def history_of(run: Simulation) -> History:
+    """The history of a run whose first step presses; the block is its body 0, what turns body 1."""
+    moment = run.model.dof_offset[1] + 2
+    _, *turned = run
+    return History(
+        np.array([step.contact_force_on(0) for step in turned]),
+        np.array([(step.H @ step.result.r)[moment] for step in turned]),
+        np.array([step.contact_force[:, 0].sum() for step in turned]),
+    )
+
+
 @cache
 def turn(n: int, rule: Any, normals: Any = "facet", steps: int = 30, mu: float = 0.0) -> History:
     """Press the block on n chords of the unit circle and turn them by two facets in equal steps."""
@@ -54,12 +65,7 @@ def turn(n: int, rule: Any, normals: Any = "facet", steps: int = 30, mu: float =
     )
     pair = SurfacePair(contact_surface(model, [("block", "y-")]), contact_surface(model, [("arc", "top")]), mu, 0.02, rule, "", normals)
     settings = SolverSettings(tol=1e-10, floor=1e-8)
-    history = list(Simulation(model, Detector([pair], model.n_nodes), QuasiStatic(1.0), steps + 1, settings))[1:]
-    return History(
-        np.array([step.contact_force_on(0) for step in history]),
-        np.array([(step.H @ step.result.r)[model.dof_offset[1] + 2] for step in history]),
-        np.array([step.contact_force[:, 0].sum() for step in history]),
-    )
+    return history_of(Simulation(model, Detector([pair], model.n_nodes), QuasiStatic(1.0), steps + 1, settings))
 
 
 RULES = [("nodes", "facet"), ("nodes", "smooth"), ("mortar", "facet")]
@@ -145,12 +151,7 @@ def turn_among_everything(n: int, curved: bool, steps: int = 30) -> History:
     )
     everything = Everything(model, 0.0, 0.02, curved=["disk"] if curved else [])
     settings = SolverSettings(name="auto", tol=1e-10, floor=1e-8)
-    history = list(Simulation(model, everything, QuasiStatic(1.0), steps + 1, settings))[1:]
-    return History(
-        np.array([step.contact_force_on(0) for step in history]),
-        np.array([(step.H @ step.result.r)[model.dof_offset[1] + 2] for step in history]),
-        np.array([step.contact_force[:, 0].sum() for step in history]),
-    )
+    return history_of(Simulation(model, everything, QuasiStatic(1.0), steps + 1, settings))
 
 
 def test_among_everything_a_named_disk_turns_with_less_chatter() -> None:

@@ -53,6 +53,22 @@ def test_links_lead_somewhere(page: Path) -> None:
     assert not [link for link in links if not any(part in link for part in built) and not (page.parent / link).exists()]
 
 
+def anchors(page: Path) -> set[str]:
+    """The anchors of a page's headings, as GitHub and the site make them."""
+    text = re.sub(r"^```.*?^```", "", page.read_text(encoding="utf-8"), flags=re.DOTALL | re.MULTILINE)
+    headings = re.findall(r"^#{1,4} (.*)$", text, re.MULTILINE)
+    words = (re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", heading).strip().lower() for heading in headings)
+    return {re.sub(r"[^\w\- ]", "", heading).replace(" ", "-") for heading in words}
+
+
+@pytest.mark.parametrize("page", [ROOT / "CHANGELOG.md", *PAGES], ids=lambda page: page.relative_to(ROOT).as_posix())
+def test_headings_that_links_name_are_there(page: Path) -> None:
+    text = re.sub(r"^```.*?^```", "", page.read_text(encoding="utf-8"), flags=re.DOTALL | re.MULTILINE)
+    links = re.findall(r"\]\((?!https?:)([^)#\s]*)#([^)\s]+)\)", text)
+    pages = [(page.parent / target if target else page, anchor) for target, anchor in links]
+    assert not [f"{target.name}#{anchor}" for target, anchor in pages if target.suffix == ".md" and anchor not in anchors(target)]
+
+
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(ROOT).as_posix())
 def test_files_that_are_named_are_there(page: Path) -> None:
     """Paths in backticks, from the root, from fcsim/ or beside the page; those with capitals are placeholders."""

@@ -60,7 +60,7 @@ def given_forces(part: Part, forces: ArrayLike | Function, what: str) -> FloatAr
     space = getattr(forces, "function_space", None)
     if space is not None:
         _refuse_other_space(part, space, what)
-        values = _on_nodes(space, forces.x.array, part)  # type: ignore[union-attr]
+        values = _on_nodes(space, forces.x.array, part)  # type: ignore[union-attr] # a Function
     else:
         try:
             values = np.asarray(forces, dtype=np.float64)

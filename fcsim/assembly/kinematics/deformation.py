@@ -83,6 +83,8 @@ class DeformationMeasure:
 
 
 class _GroupMeasure:
+    """Measures the bodies of one group, which share a part: gradients at its cells' points are made once."""
+
     def __init__(self, group: Group) -> None:
         self.floating = FloatingGroup(group)
         self._cell = CELL_TYPES[group.part.cell_type]
@@ -91,10 +93,9 @@ class _GroupMeasure:
         self._cells = group.part.cells
         limited = None if group.laws is None else group.laws.of_small_strain
         self.finite, self._stretches = limited is not None and not limited.size, limited is not None and group.rotates
-        limited_cells = self._cells if limited is None or self.finite else self._cells[limited]
-        self._limited = limited_cells
-        self._inside = self._gradient(_strained_most(self._cell), limited_cells)
-        self._left_out = None if self.finite or self._stretches else LeftOut(group, self._gradient(self._cell.inside, limited_cells))
+        self._limited = self._cells if limited is None or self.finite else self._cells[limited]
+        self._inside = self._gradient(_strained_most(self._cell), self._limited)
+        self._left_out = None if self.finite or self._stretches else LeftOut(group, self._gradient(self._cell.inside, self._limited))
         components = np.sqrt(np.asarray(self._inside.multiply(self._inside).sum(axis=1)).reshape(-1, self._points.shape[1]).sum(axis=1))
         self.strain_per_motion = float(components.max()) * np.sqrt(self._cells.shape[1])
         edges = np.unique(np.sort(self._cells[:, self._cell.edges].reshape(-1, 2), axis=1), axis=0)
@@ -163,9 +164,8 @@ class _GroupMeasure:
         if not len(middles):
             return np.empty((0, d, d))
         jacobian = np.einsum("cai,qaj->qcij", self._points[self._limited], self._cell.gradient(middles))
-        normal = np.einsum("qj,qcji->qci", middles, np.linalg.inv(jacobian)).reshape(
-            -1, d
-        )  # the middle of a face of [-1, 1]^d is its normal
+        # the middle of a face of [-1, 1]^d is its normal
+        normal = np.einsum("qj,qcji->qci", middles, np.linalg.inv(jacobian)).reshape(-1, d)
         normal /= np.linalg.norm(normal, axis=1)[:, None]
         within: FloatArray = np.eye(d) - normal[:, :, None] * normal[:, None, :]
         return within

@@ -95,9 +95,8 @@ def _pieces(part: Part, owner: IntArray, ranks: range) -> Iterator[tuple[IntArra
         if isinstance(material, ByRegion):
             place = np.full(len(part.cells), -1)
             place[cells] = np.arange(len(cells))
-            regions = {
-                name: found for name in material.materials if len(found := place[part.regions[name]][place[part.regions[name]] >= 0])
-            }
+            numbers = {name: place[part.regions[name]] for name in material.materials}
+            regions = {name: kept[kept >= 0] for name, kept in numbers.items() if np.any(kept >= 0)}
             material = ByRegion({name: law for name, law in material.materials.items() if name in regions})
         yield (
             own,

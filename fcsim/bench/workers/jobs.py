@@ -124,7 +124,7 @@ class JobWorker:
             if reply is not None:
                 if "input_error" in reply:
                     raise InputError(str(reply["input_error"]))
-                return Measurement(**reply)  # type: ignore[arg-type]
+                return Measurement(**reply)  # type: ignore[arg-type] # fields that its worker wrote
             self._job = None
             if self._closed.is_set():
                 break

@@ -97,7 +97,7 @@ def _settle(parent: int) -> None:
         os._exit(1)
     os.setpgid(0, 0)
     try:
-        with open("/proc/self/oom_score_adj", "w", encoding="ascii") as file:  # noqa: PTH123
+        with open("/proc/self/oom_score_adj", "w", encoding="ascii") as file:  # noqa: PTH123 - this file does without pathlib
             file.write("1000")
     except OSError:
         return

@@ -31,7 +31,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 if __name__ == "__main__":  # by a Python without fcsim: the file beside this one
-    from killable import FINISHED, Row, Task, die_with_parent, run_killable  # type: ignore[import-not-found]
+    from killable import FINISHED, Row, Task, die_with_parent, run_killable  # type: ignore[import-not-found] # not on mypy's path
 else:
     from fcsim.bench.workers.killable import FINISHED, Row, Task, die_with_parent, run_killable
 

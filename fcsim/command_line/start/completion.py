@@ -58,11 +58,11 @@ def _add_completers(parser: argparse.ArgumentParser) -> None:
             for command in action.choices.values():
                 _add_completers(command)
         elif action.dest in ("case", "source") and not action.option_strings:
-            action.completer = _cases  # type: ignore[attr-defined]
+            action.completer = _cases  # type: ignore[attr-defined] # argcomplete reads it, argparse does not know it
         elif set(SOLVERS) & set(action.option_strings):
-            action.completer = _solvers  # type: ignore[attr-defined]
+            action.completer = _solvers  # type: ignore[attr-defined] # likewise
         elif {"--set", "--over"} & set(action.option_strings):
-            action.completer = _assignments  # type: ignore[attr-defined]
+            action.completer = _assignments  # type: ignore[attr-defined] # likewise
 
 
 def _cases(prefix: str, **_: object) -> list[str]:

@@ -12,8 +12,8 @@ from fcsim.contact_detection.surfaces.broad_phase import near_pairs
 from fcsim.contact_detection.surfaces.ragged import each_of
 
 _DEEP = 0.5  # of the radius: what lies deeper is another part
-_ROUND = 1e-9
-_FACING = 0.1
+_ROUND = 1e-9  # of a facet or a radius: points on a border are on either side of it
+_FACING = 0.1  # cosine: facets and sides of a vertex that look less against an end lie along it
 _LEVEL = 0.02  # sine between an end and an edge that lies in it
 _FLAT = 1 - 1e-9  # cosine between facets of one face: the edge between them is none
 
@@ -24,7 +24,8 @@ def cylinders_on_meshes(now: Placed, skin: MeshSkin, x: FloatArray, alert: float
     if not len(cylinders):
         return no_touch(now, now.solids.node.shape[1], x.shape[1])
     normal = normals(skin, x)
-    return joined([f(now, skin, x, normal, cylinders, alert) for f in (_rims_on_faces, _ends_on_vertices, _ends_on_edges, _rims_on_edges)])
+    kinds = (_rims_on_faces, _ends_on_vertices, _ends_on_edges, _rims_on_edges)
+    return joined([found(now, skin, x, normal, cylinders, alert) for found in kinds])
 
 
 def _reach(now: Placed, cylinders: IntArray) -> float:
@@ -123,7 +124,8 @@ def _ends_on_edges(now: Placed, skin: MeshSkin, x: FloatArray, normal: FloatArra
         s = np.einsum("nd,nd->n", place, axis)
         out = np.where(s < 0, -1.0, 1.0)[:, None] * axis
         gap = np.abs(s) - now.solids.half[k]
-        facing = np.minimum(*(np.einsum("nd,nd->n", normal[skin.edge_facets[edges[e], side]], out) for side in range(2))) < -1 + _LEVEL
+        either = np.einsum("nsd,nd->sn", normal[skin.edge_facets[edges[e]]], out)
+        facing = either.min(axis=0) < -1 + _LEVEL
         keep = level & facing & (root > 0) & (t > 0) & (t < 1) & (gap <= alert) & (gap > -_DEEP * now.solids.half[k])
         n, at, share, edge = -out[keep], (now.centre[k] + place)[keep], t[keep], edges[e[keep]]
         nodes = np.column_stack([skin.edges[edge], np.full(len(edge), -1)])

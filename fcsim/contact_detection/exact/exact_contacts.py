@@ -30,6 +30,9 @@ from fcsim.contact_detection.sweep import with_swept
 from fcsim.errors import MODEL, InputError, expect
 from fcsim.mesh.exact_shape import endless
 
+_ON_PLANES = {2: 4, 3: 6}
+"""By dimension, the kind of vertices on planes: slaves of one node, where others have d + 1."""
+
 _ALERT = 0.05  # of the smallest radius; where planes are the only exact shapes, of half the smallest extent of what is meshed
 
 
@@ -164,7 +167,7 @@ class ExactContacts:
 
         met = with_swept(begin, met_at, x, way, times, alert)
         # a point of a solid moves with weights of both signs: its place is told by the master's columns, not by the signs
-        alone = (met.identity - EXACT) >> KIND == (6 if x.shape[1] == 3 else 4)  # vertices on planes are slaves of one node
+        alone = (met.identity - EXACT) >> KIND == _ON_PLANES[x.shape[1]]
         master = np.arange(met.nodes.shape[1]) >= np.where(alone, 1, x.shape[1] + 1)[:, None]
         weights = np.where(master & (met.nodes >= 0), -met.weights, 0.0)
         return replace(met, point=np.einsum("ak,akd->ad", weights, x[met.nodes]))
@@ -228,7 +231,7 @@ class ExactContacts:
         dents = vertices_under(now, skin, x, alert)
         number = np.full(len(self.model.bodies), -1)
         number[self.solids.body] = np.arange(len(self.solids.body))
-        stay = [touch if k == 2 else touch.take(beside(touch, dents, number, len(x))) for k, touch in enumerate(found)]
+        stay = [touch if touch is planes else touch.take(beside(touch, dents, number, len(x))) for touch in found]
         return [*stay, dents.touch]
 
     def _contacts(self, touch: Touch, kind: int) -> Contacts:

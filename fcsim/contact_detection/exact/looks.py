@@ -31,20 +31,20 @@ def looks(now: Placed, skin: MeshSkin | None, x: FloatArray, way: FloatArray, al
     least, most = [moves.min(axis=1)], [moves.max(axis=1)]
     size = [np.where(plane, np.inf, solids.radius)]
     if skin is not None and len(skin.vertices):
-        owner = _owners(skin)
-        first = np.searchsorted(owner[1], np.unique(owner[1]))
-        nodes = owner[0]
-        for found, values, reduce in ((low, x, np.minimum), (high, x, np.maximum), (least, way, np.minimum), (most, way, np.maximum)):
-            found.append(reduce.reduceat(values[nodes], first, axis=0))
+        nodes, body = _owners(skin)
+        first = np.searchsorted(body, np.unique(body))
+        for lowest, highest, values in ((low, high, x), (least, most, way)):
+            lowest.append(np.minimum.reduceat(values[nodes], first, axis=0))
+            highest.append(np.maximum.reduceat(values[nodes], first, axis=0))
         size.append(np.full(len(first), np.inf))
-    low_, high_, least_, most_ = (np.pad(np.concatenate(part), ((0, 0), (0, 3 - d))) for part in (low, high, least, most))
+    begin, end, slowest, fastest = (np.pad(np.concatenate(part), ((0, 0), (0, 3 - d))) for part in (low, high, least, most))
     radius, ns = np.concatenate(size), len(solids.body)
-    low_, high_ = np.minimum(low_, low_ + least_), np.maximum(high_, high_ + most_)
+    begin, end = np.minimum(begin, begin + slowest), np.maximum(end, end + fastest)  # the boxes that the way sweeps
     axis = int(np.argmax(np.ptp(now.centre, axis=0)))
-    pairs = body_pairs(low_, high_, np.full(len(radius), alert), np.argsort(low_[:, axis] - alert, kind="stable"), axis)
+    pairs = body_pairs(begin, end, np.full(len(radius), alert), np.argsort(begin[:, axis] - alert, kind="stable"), axis)
     pairs = pairs[pairs.min(axis=1) < ns]
     a, b = pairs.T
-    closing = np.maximum(np.abs(most_[a] - least_[b]), np.abs(most_[b] - least_[a]))
+    closing = np.maximum(np.abs(fastest[a] - slowest[b]), np.abs(fastest[b] - slowest[a]))
     distance = np.sqrt(np.einsum("pd,pd->p", closing, closing))
     if not len(distance) or distance.max() <= alert:
         return 0, float(distance.max(initial=0.0))

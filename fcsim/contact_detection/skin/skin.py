@@ -91,9 +91,9 @@ class Skin:
 
 @dataclass(frozen=True, eq=False)
 class Shape:
-    """A skin at given positions: point (nv, 3) [m] with z = 0 in 2D; normal, centre (nf, 3) and size (nf,) of facets, the square root of
-    their area (2D: length); mean (nv, 3) angle-weighted normal of a vertex; low, high of facets, edges,
-    bodies: their boxes."""
+    """A skin at given positions: point (nv, 3) [m] with z = 0 in 2D; normal, centre (nf, 3) and size (nf,) [m] of facets, the square root
+    of their area (2D: length); mean (nv, 3) angle-weighted normal of a vertex; boxes [m] by their low and high corners: of facets (nf, 3),
+    of edges (ne, 3), of bodies (nb, 3)."""
 
     point: FloatArray
     normal: FloatArray

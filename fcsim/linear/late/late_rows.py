@@ -70,7 +70,7 @@ class LateRows(sp.bsr_array):
             with _making:  # the next step and a step's files may ask at once
                 if self._entries is None:
                     self._entries = self._source.entries()
-        return self._entries  # type: ignore[return-value]
+        return self._entries  # type: ignore[return-value] # made above, where there is a source, else given
 
     @data.setter
     def data(self, values: FloatArray) -> None:

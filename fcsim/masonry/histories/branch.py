@@ -77,9 +77,9 @@ def push_by_displacement(
     """Return the curve of multiplier by displacement until the multiplier is zero, it runs away, or the displacement is `to` [m].
 
     step [m]: of the displacement, by default 2.5e-4 of the structure's extent; shorter where the multiplier drops or a block turns by
-    more than a degree. to: by default half its
-    extent. watch(displacement, multiplier): called after each step; tell(text): with what is begun, and with steps taken again in parts.
-    InputError where loads that grow have several directions, move nothing, or find a structure that falls already.
+    more than a degree. to: by default half its extent. watch(displacement, multiplier): called after each step; tell(text): with what is
+    begun, and with steps taken again in parts. InputError where loads that grow have several directions, move nothing, or find a
+    structure that falls already.
     """
     steps = []
     for _, displacement, multiplier in branch_steps(problem, step=step, to=to, tell=tell):

@@ -154,7 +154,7 @@ def _response(law: PointLaw, strain: FloatArray, what: str) -> Response:
             return law.respond(strain, before, Circumstances(np.zeros((len(strain), 3)), 0.0, 0.0), True)
     except InputError:
         raise
-    except Exception as error:
+    except Exception as error:  # whatever a user's law raises
         raise InputError(f"{what}: expected an answer to {len(strain)} points, it raised {type(error).__name__}: {error}") from error
 
 

@@ -68,7 +68,7 @@ def _asked(energy: Callable[..., Expr], z: Expr, numbers: Mapping[str, Expr]) ->
 
     try:
         return ufl.as_ufl(energy(z, numbers))
-    except Exception as error:
+    except Exception as error:  # whatever UFL and a user's function raise
         known = ", ".join(map(repr, numbers)) or "none"
         raise InputError(
             f"energy: expected a scalar in UFL (ufl.ln, ufl.det, ...) of a measure of strain with indices 0 to {z.ufl_shape[0] - 1} and of "

@@ -75,7 +75,7 @@ class HardeningFunction:
         at = np.array([0.0, 0.01])
         try:
             value = np.asarray(self.function(at), dtype=float)
-        except Exception as error:
+        except Exception as error:  # whatever a user's function raises
             raise InputError(
                 f"HardeningFunction: expected a function of an array of plastic strains, got {type(error).__name__}: {error}"
             ) from None

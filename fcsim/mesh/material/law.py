@@ -101,7 +101,8 @@ AnyMaterial = LinearMaterial | PointLaw
 
 def initial_variables(law: PointLaw) -> FloatArray:
     """The internal variables (k,) at the beginning."""
-    return np.concatenate([np.broadcast_to(np.asarray(v.initial, dtype=float), (v.components,)) for v in law.variables] or [np.empty(0)])
+    values = [np.broadcast_to(np.asarray(variable.initial, dtype=float), (variable.components,)) for variable in law.variables]
+    return np.concatenate([np.empty(0), *values])
 
 
 def refuse_density(what: str, density: float) -> None:

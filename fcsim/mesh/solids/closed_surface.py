@@ -78,7 +78,8 @@ def closed_surface(name: str, points: ArrayLike, faces: Sequence[Sequence[int]] 
     triangles = first[place.ravel()][triangles]
     triangles = triangles[(triangles != np.roll(triangles, 1, axis=1)).all(axis=1)]  # those that have lost an edge
     used, numbers = np.unique(triangles, return_inverse=True)
-    polygons = tuple(tuple(np.searchsorted(used, first[place.ravel()][np.asarray(face, dtype=np.int64)]).tolist()) for face in faces)
+    corners = first[place.ravel()]
+    polygons = tuple(tuple(np.searchsorted(used, corners[np.asarray(face, dtype=np.int64)]).tolist()) for face in faces)
     x, triangles = x[used], numbers.reshape(-1, 3)
     _refuse_open(what, x, triangles)
     triangles = _consistent(what, triangles)

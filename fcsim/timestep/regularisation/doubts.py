@@ -104,8 +104,9 @@ def _along_axes(model: Model, x: FloatArray) -> FloatArray:
 
 def _faint_beside(model: Model, scheme: QuasiStatic, near: bool) -> Iterator[str]:
     """Of rigid bodies, whose mass is to be seen beside the stiffness at a node of the deformable bodies that may press them."""
-    rigid = [(model.rigid[number - len(model.deformable)].mass, number) for number in floating(model) if number >= len(model.deformable)]
-    stiff = [(nodal_stiffness(model, number) or 0.0, number) for number in range(len(model.deformable))]
+    count = len(model.deformable)
+    rigid = [(model.rigid[number - count].mass, number) for number in floating(model) if number >= count]
+    stiff = [(nodal_stiffness(model, number) or 0.0, number) for number in range(count)]
     if not rigid or not stiff or not max(stiff)[0]:
         return
     (mass, number), (stiffness, by) = min(rigid), max(stiff)

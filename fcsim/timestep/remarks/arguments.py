@@ -55,7 +55,8 @@ def _refuse_detector_of_others(detector: object, model: Model) -> None:
         return
     theirs, ours = ([(body.name, int(n)) for body, n in zip(m.bodies, np.diff(m.node_offset), strict=True)] for m in (of, model))
     if theirs != ours:
-        k = next((k for k, (one, other) in enumerate(zip(theirs, ours, strict=False)) if one != other), min(len(theirs), len(ours)))
+        pairs = enumerate(zip(theirs, ours, strict=False))
+        k = next((k for k, (one, other) in pairs if one != other), min(len(theirs), len(ours)))
         one, other = (f"{b[k][0]!r} of {b[k][1]} points" if k < len(b) else "none" for b in (ours, theirs))
         raise InputError(
             f"Simulation, detector: expected one of the simulation's model, got one of another: body {k} is {one}, there {other}"

@@ -20,7 +20,7 @@ from fcsim.problem import GlobalProblem
 from fcsim.problem.reduction import Reduction
 from fcsim.problem.rolling import GlobalRollingProblem
 from fcsim.solvers import Memory, Result
-from fcsim.timestep.chain import Lead
+from fcsim.timestep.chain import Attempt, Clock, Lead, SolverSettings
 from fcsim.timestep.encounter import Encounter
 from fcsim.timestep.links.linked import Linked
 from fcsim.timestep.reactions.reactions import Reactions
@@ -154,7 +154,7 @@ class Equation:
             f[model.driven_dofs] = self.driven
         if self.leaning is not None and self.slanted is not None:
             v = self._unknown(self.slanted[1])
-            straight = replace(self.compliance, leaning=None).matrix()  # type: ignore[arg-type]
+            straight = replace(self.compliance, leaning=None).matrix()  # type: ignore[arg-type] # of one class where `slanted` is set
             f = f + straight @ (self.leaning.straight(v) - v)
         return self.compliance.load(f)
 
@@ -190,8 +190,7 @@ class Equation:
 @dataclass(frozen=True, eq=False)
 class Answer:
     """The last problem of a step, its result, v (n_dofs,), its right side load (n_dofs,), where a solve began, start (m,), the factor of
-    its
-    matrix and its contacts; linearised: all problems of a step with nonlinear bodies."""
+    its matrix and its contacts; linearised: all problems of a step with nonlinear bodies."""
 
     problem: GlobalProblem | GlobalRollingProblem
     reduction: Reduction
@@ -216,3 +215,17 @@ class Past:
         """The past of the step's next solve with other contacts `ahead`, after r (m,) was found with the contacts `met`."""
         last = Reactions(met.identity, met.frame, r.reshape(len(met), -1 if len(met) else met.dimension))
         return replace(self, reactions=(last,), serving=None if self.serving is None else self.serving.follow(ahead.identity))
+
+
+@dataclass(frozen=True, eq=False)
+class StepSolver:
+    """How the problems of a step or part of one are solved, and where it is written down; the same for all of them.
+
+    settings: of the friction problems; extent [m]: size of the model, see `longest_flight`. Those who solve add what they tried to attempts
+    and the seconds of each phase to clock.
+    """
+
+    settings: SolverSettings
+    extent: float
+    attempts: list[Attempt]
+    clock: Clock

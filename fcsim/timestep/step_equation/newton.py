@@ -34,12 +34,12 @@ from fcsim.contact_detection.contacts import Contacts
 from fcsim.problem import GlobalProblem
 from fcsim.problem.reduction import Reduction
 from fcsim.solvers import Result
-from fcsim.timestep.chain import Attempt, Clock, SolverSettings, solve_chain
+from fcsim.timestep.chain import Attempt, SolverSettings, solve_chain
 from fcsim.timestep.encounter import Anew, Encounter
 from fcsim.timestep.reactions.reactions import carried, carried_in_space
 from fcsim.timestep.reactions.warm_start import warm_start
 from fcsim.timestep.step import Linearised
-from fcsim.timestep.step_equation.equation import Answer, Equation, Past
+from fcsim.timestep.step_equation.equation import Answer, Equation, Past, StepSolver
 from fcsim.timestep.step_equation.inner_term import InnerTerm, Term
 from fcsim.timestep.step_equation.linearisation import TOLERANCE as LINEAR_TOLERANCE
 from fcsim.timestep.step_equation.loops.going_round import goes_round
@@ -72,36 +72,23 @@ CLOSER = 0.01  # of the solver's tolerance where a body is stiffened: what it le
 _SHORTEST = 1 / 64
 
 
-def solve_nonlinear(
-    equation: Equation, settings: SolverSettings, extent: float, past: Past, attempts: list[Attempt], clock: Clock, anew: Anew | None
-) -> tuple[Answer | None, Past]:
+def solve_nonlinear(equation: Equation, solver: StepSolver, past: Past, anew: Anew | None) -> tuple[Answer | None, Past]:
     """Return the answer, None where it is not found, and the past of the next step; as `solve_equation`, for models with nonlinear bodies.
 
     anew: the contacts at an iterate, None where those of the step stay (dynamics).
     """
-    newton = _Newton(equation, settings, extent, attempts, clock, anew)
+    newton = _Newton(equation, solver, anew)
     answer, after = newton.solve(past)
     if answer is None and anew is not None and newton.done:
-        return _Newton(equation, settings, extent, attempts, clock, anew.in_valleys(), in_space=True).solve(past)
+        return _Newton(equation, solver, anew.in_valleys(), in_space=True).solve(past)
     return answer, after
 
 
 class _Newton:
-    def __init__(
-        self,
-        equation: Equation,
-        settings: SolverSettings,
-        extent: float,
-        attempts: list[Attempt],
-        clock: Clock,
-        anew: Anew | None,
-        *,
-        in_space: bool = False,
-    ) -> None:
+    def __init__(self, equation: Equation, solver: StepSolver, anew: Anew | None, *, in_space: bool = False) -> None:
         """in_space: whether trials are measured with the contacts of their problem, and reactions go on as vectors in space: at the kink
         between two facets its reaction lies between their normals, and which of them has how much of it may change."""
-        self.equation, self.settings, self.extent, self.in_space = equation, settings, extent, in_space
-        self.attempts, self.clock, self.anew = attempts, clock, anew
+        self.equation, self.solver, self.anew, self.in_space = equation, solver, anew, in_space
         self.inner = InnerTerm(equation.scheme, equation.model, equation.state)
         self.began = equation.met
         self.done: list[Linearised] = []
@@ -131,7 +118,7 @@ class _Newton:
             plain = replace(equation, factor=factor, bent=None, slanted=None)
             load = self._load(plain, now)
             # what a solver leaves open is in the next iterate's contacts: they would not settle to less
-            tol = self.settings.tol if self.anew is None else min(self.settings.tol, TOLERANCE)
+            tol = self.solver.settings.tol if self.anew is None else min(self.solver.settings.tol, TOLERANCE)
             result: Result | None = None
             tried, serving, least = list[Attempt](), past.serving, None
             for equation, pushed, settings in self._ways(plain, now):
@@ -139,10 +126,10 @@ class _Newton:
                 assert isinstance(posed, GlobalProblem)  # rolling resistance is refused beside nonlinear bodies
                 problem = posed
                 reduction = Reduction(problem, equation.compliance)
-                self.clock.lap("assembly")
+                self.solver.clock.lap("assembly")
                 cold = self.start is None and problem.nc > 0
                 warm = warm_start(reduction.local, equation.met.contacts, past.reactions) if cold else now.r
-                flight = min(1.0, longest_flight(reduction, self.extent, equation.met.meeting.timing.force_per_reaction))
+                flight = min(1.0, longest_flight(reduction, self.solver.extent, equation.met.meeting.timing.force_per_reaction))
                 allowed = tol * flight * (CLOSER if share else 1.0) * self.tighter
                 if flight < 1.0 and equation.slanted is not None:
                     continue
@@ -160,8 +147,8 @@ class _Newton:
                 if result is not None:
                     break
             self.start = warm if self.start is None else self.start
-            self.attempts.extend(tried)
-            self.clock.lap("solve")
+            self.solver.attempts.extend(tried)
+            self.solver.clock.lap("solve")
             past = replace(past, serving=serving)
             if result is None:
                 if least is None:
@@ -170,7 +157,7 @@ class _Newton:
                 continue
             if not self.done and tried:
                 past = replace(past, lead=lead.after(tried[0].solver, tried[-1].solver))
-            v = equation.velocity(result.v)  # type: ignore[arg-type]
+            v = equation.velocity(result.v)  # type: ignore[arg-type] # of a global problem
             if (more := self._more(equation, now, v)) is not None:
                 past = past.of_the_same_step(equation.met.contacts, more.contacts, result.r)
                 further = replace(equation, met=more)
@@ -183,7 +170,7 @@ class _Newton:
             new, length, met = found
             self.ceiling = now.residual if self.foreseen else 0.0
             at_rest = self.anew is None or settled(equation.met, met, new.v, result.r)
-            self.clock.lap("detection" if self.anew is not None else "assembly")
+            self.solver.clock.lap("detection" if self.anew is not None else "assembly")
             fresh = sum(group.fresh for group in factor.nonlinear_groups)
             self.done.append(Linearised(problem, result, warm, TOLERANCE * new.residual, length, fresh, share))
             self.sizes.append(new.residual)
@@ -193,7 +180,7 @@ class _Newton:
                 break
             if length == 1 and new.residual <= 1 and at_rest and result.error <= tol and self._stands(equation, new, result):
                 if not tried:
-                    self.attempts.append(looped_attempt(result, len(self.done), equation.share, tol))
+                    self.solver.attempts.append(looped_attempt(result, len(self.done), equation.share, tol))
                 return self._answer(equation, reduction, new, result), past
             if self.anew is not None:
                 past, equation = past.of_the_same_step(equation.met.contacts, met.contacts, result.r), replace(equation, met=met)
@@ -227,16 +214,16 @@ class _Newton:
         if beside is not None and equation.elastic.held_by_mass:
             bending, pushed = self._bent(equation, now, beside, differences=False)
             if bending.of_bodies.positive:
-                yield bending, pushed, self.settings
+                yield bending, pushed, self.solver.settings
             beside = None
         by_differences, pushed = self._bent(equation, now, beside, differences=True)
         if by_differences.slanted is not None:
-            yield by_differences, pushed, replace(self.settings, name=SLANTED, options={}, fallback=())
+            yield by_differences, pushed, replace(self.solver.settings, name=SLANTED, options={}, fallback=())
         by_formulas, pushed = self._bent(equation, now, beside, differences=False)
         if by_formulas.bent is not None and not by_formulas.of_bodies.positive:
-            yield by_formulas, pushed, replace(self.settings, name=SLANTED, options={}, fallback=())
+            yield by_formulas, pushed, replace(self.solver.settings, name=SLANTED, options={}, fallback=())
             by_formulas, pushed = self._bent(equation, now, beside, differences=False, monotone=True)
-        yield by_formulas, pushed, self.settings
+        yield by_formulas, pushed, self.solver.settings
 
     def _bent(
         self, equation: Equation, now: Iterate, beside: sp.csr_array | None, *, differences: bool, monotone: bool = False
@@ -294,7 +281,9 @@ class _Newton:
         l1 = np.empty(0) if result.multiplier is None else result.multiplier
         l0 = now.l if now.l.shape == l1.shape else l1
         while length >= _SHORTEST:
-            w, r, l = (v, result.r, l1) if length == 1 else (a + length * (b - a) for a, b in ((now.v, v), (r0, result.r), (l0, l1)))
+            w, r, l = v, result.r, l1
+            if length < 1:
+                w, r, l = now.v + length * (v - now.v), r0 + length * (result.r - r0), l0 + length * (l1 - l0)
             term = self.inner.at(w, tangent=not self.done)  # after the first problem there is a second one
             if not term.inadmissible:
                 met = equation.met if self.anew is None else self.anew.met(w, None)
@@ -324,7 +313,7 @@ class _Newton:
         """The contacts of the iterate with those that the way to the answer v (n_dofs,) passes; None where it passes no others."""
         if self.anew is None:
             return None
-        self.passed = passed(equation, self.anew, now.v, v, self.extent, self.passed)
+        self.passed = passed(equation, self.anew, now.v, v, self.solver.extent, self.passed)
         return None if self.passed is None else self.anew.met(now.v, self.passed)
 
     def _moved(self, equation: Equation, earlier: Encounter, new: Iterate) -> tuple[Iterate, FloatArray]:
@@ -344,6 +333,6 @@ class _Newton:
     def _failed(self, why: str, past: Past) -> tuple[None, Past]:
         """No answer: why goes into the attempts."""
         apart = self.done[-1].residual if self.done else np.inf
-        equation = self.equation
-        self.attempts.append(Attempt("Newton", "the last state", why, apart, len(self.done), equation.share, self.settings.tol))
+        share, tol = self.equation.share, self.solver.settings.tol
+        self.solver.attempts.append(Attempt("Newton", "the last state", why, apart, len(self.done), share, tol))
         return None, past

@@ -17,34 +17,27 @@ from fcsim.solvers import Memory, Method, method
 from fcsim.solvers.automatic.pause import newton_goes_on
 from fcsim.solvers.automatic.stages import AutomaticOptions
 from fcsim.solvers.newton.options import NewtonOptions
-from fcsim.timestep.chain import MET, Attempt, Clock, SolverSettings, solve_chain, solve_rolling_chain
+from fcsim.timestep.chain import MET, Attempt, solve_chain, solve_rolling_chain
 from fcsim.timestep.encounter import Encounter
 from fcsim.timestep.reactions.expected_motion import with_motion
 from fcsim.timestep.reactions.reactions import Reactions
 from fcsim.timestep.reactions.unanswered import unanswered
 from fcsim.timestep.reactions.warm_start import nearest_start, warm_start
 from fcsim.timestep.step_equation.compliance import StepCompliance
-from fcsim.timestep.step_equation.equation import Answer, Equation, Past
+from fcsim.timestep.step_equation.equation import Answer, Equation, Past, StepSolver
 from fcsim.timestep.step_equation.linearisation import MAX_ITERATIONS, TOLERANCE
 from fcsim.timestep.step_equation.linked_compliance import LinkedCompliance
 from fcsim.timestep.step_equation.loops.mixing import Mixing
 from fcsim.timestep.step_equation.loops.one_loop import FollowedLoad, follows, solve_followed
 
 
-def solve_equation(
-    equation: Equation,
-    settings: SolverSettings,
-    extent: float,
-    past: Past,
-    attempts: list[Attempt],
-    clock: Clock,
-) -> tuple[Answer | None, Past]:
+def solve_equation(equation: Equation, solver: StepSolver, past: Past) -> tuple[Answer | None, Past]:
     """Return the answer, None where the solver chain fails or the elastic term does not settle, and the past of the next step.
 
-    extent [m]: size of the model. What is tried goes into `attempts`. With turning bodies each problem differs from the last by its right
-    side; W and all factors are the same.
+    What is tried goes into the solver's attempts. With turning bodies each problem differs from the last by its right side; W and all
+    factors are the same.
     """
-    answer, past = _solved(equation, settings, extent, past, attempts, clock)
+    answer, past = _solved(equation, solver, past)
     elastic = equation.elastic
     if answer is not None and past.serving is not None and elastic.rotation is not None:
         serving = with_motion(past.serving, equation.state, equation.scheme.h, elastic.moved(answer.v))
@@ -52,10 +45,9 @@ def solve_equation(
     return answer, past
 
 
-def _solved(
-    equation: Equation, settings: SolverSettings, extent: float, past: Past, attempts: list[Attempt], clock: Clock
-) -> tuple[Answer | None, Past]:
+def _solved(equation: Equation, solver: StepSolver, past: Past) -> tuple[Answer | None, Past]:
     """`solve_equation` without what it keeps of the motion."""
+    settings, attempts, clock = solver.settings, solver.attempts, solver.clock
     elastic, lead, keeps = equation.elastic, past.lead, equation.model.n_elastic > 0
     newton = _newton_begins(lead.solver if lead.steps else settings.name, past.serving)
     compliance = _beginning(equation, method(settings.name), first=not lead.steps, late=newton)
@@ -65,7 +57,7 @@ def _solved(
         problem = equation.problem(load)
         reduction = Reduction(problem, compliance)
         rolling = RollingReduction(problem, reduction) if isinstance(problem, GlobalRollingProblem) else None
-        tol = max(_tolerance(settings.tol, reduction, extent, equation), _rough(equation, reduction, settings.least_motion))
+        tol = max(_tolerance(settings.tol, reduction, solver.extent, equation), _rough(equation, reduction, settings.least_motion))
         first = len(attempts)
         if start is None:
             enough = tol * max(float(np.linalg.norm(reduction.q)), settings.least_motion)
@@ -73,12 +65,13 @@ def _solved(
             clock.lap("assembly")  # W, which may have been summed beside what a start needs
             if isinstance(problem, GlobalProblem) and not lead.steps and follows(settings, elastic):
                 followed = FollowedLoad(equation, problem, reduction, load)
-                asked = partial(_tolerance, settings.tol, extent=extent, equation=equation)
+                asked = partial(_tolerance, settings.tol, extent=solver.extent, equation=equation)
                 result, serving = solve_followed(followed, settings, r, asked, equation.share, attempts, past.serving)
                 clock.lap("solve")
                 past = replace(past, serving=serving)
                 if result is not None:
-                    past, v = replace(past, lead=lead.after(settings.name, settings.name)), equation.velocity(result.v)  # type: ignore[arg-type]
+                    past = replace(past, lead=lead.after(settings.name, settings.name))
+                    v = equation.velocity(result.v)  # type: ignore[arg-type] # of a global problem
                     last, load = followed.reduction, followed.load
                     return Answer(followed.problem, last, result, v, load, start, equation.factor, equation.met), past
         if problem.nc:
@@ -95,7 +88,7 @@ def _solved(
             return None, past
         if not mixing.points and rolling is None:  # a step teaches once, whatever its linearisations
             past = replace(past, lead=lead.after(attempts[first].solver, attempts[-1].solver))
-        v, r = equation.velocity(result.v), result.r  # type: ignore[arg-type]
+        v, r = equation.velocity(result.v), result.r  # type: ignore[arg-type] # of a global problem
         answer = Answer(problem, reduction, result, v, load, start, equation.factor, equation.met)
         if elastic.rotation is None:
             return answer, past

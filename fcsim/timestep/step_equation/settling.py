@@ -17,9 +17,9 @@ import numpy as np
 
 from fcsim.arrays import FloatArray
 from fcsim.contact_law.law import Demand, Implicit, Variables
-from fcsim.timestep.chain import Attempt, Clock, SolverSettings
+from fcsim.timestep.chain import Attempt
 from fcsim.timestep.encounter import Anew, Encounter
-from fcsim.timestep.step_equation.equation import Answer, Equation, Past
+from fcsim.timestep.step_equation.equation import Answer, Equation, Past, StepSolver
 from fcsim.timestep.step_equation.loops.mixing import Mixing
 from fcsim.timestep.step_equation.loops.turning_links import turning_links
 from fcsim.timestep.step_equation.newton import solve_nonlinear
@@ -35,21 +35,15 @@ PERIOD, FARTHEST = 3, 30.0
 
 
 def solve_settled(
-    equation: Equation,
-    settings: SolverSettings,
-    extent: float,
-    past: Past,
-    attempts: list[Attempt],
-    clock: Clock,
-    anew: Callable[[Equation], Anew | None],
+    equation: Equation, solver: StepSolver, past: Past, anew: Callable[[Equation], Anew | None]
 ) -> tuple[Answer | None, Past]:
     """Return the answer with the law settled, None where there is none, and the past of the next step; as `solve_equation` and, for models
     with nonlinear bodies, `solve_nonlinear`, whose `anew` is given for an equation."""
 
     def solve(equation: Equation, past: Past) -> tuple[Answer | None, Past]:
         if not equation.model.nonlinear:
-            return solve_equation(equation, settings, extent, past, attempts, clock)
-        return solve_nonlinear(equation, settings, extent, past, attempts, clock, anew(equation))
+            return solve_equation(equation, solver, past)
+        return solve_nonlinear(equation, solver, past, anew(equation))
 
     law = equation.scheme.law
     equation = turning_links(equation)
@@ -67,7 +61,7 @@ def solve_settled(
         if trial is None:
             return answer, past
         if search.given_up:
-            attempts.append(
+            solver.attempts.append(
                 Attempt("joints", "the strength before", "did not settle", search.change, search.rounds, equation.share, SETTLED)
             )
             return None, past

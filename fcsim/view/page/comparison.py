@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
 from importlib.resources import files
@@ -12,6 +12,7 @@ from string import Template
 
 import numpy as np
 
+from fcsim.arrays import FloatArray
 from fcsim.errors import InputError
 from fcsim.files import replacing
 from fcsim.running.folder import RunFolder
@@ -112,11 +113,11 @@ def _seconds(run: RunFolder) -> str:
     return f"{np.median(np.sum(phases, axis=0)):.3g}" if phases else "–"
 
 
-def _of(run: RunFolder, column: str, unit: str, of: object) -> str:
+def _of(run: RunFolder, column: str, unit: str, of: Callable[[FloatArray], float]) -> str:
     values = run.numbers(column)
     if values is None or not np.isfinite(values).any():
         return "–"
-    value = float(of(values[np.isfinite(values)]))  # type: ignore[operator]
+    value = float(of(values[np.isfinite(values)]))
     scale, unit = prefixed(unit, value)
     return f"{value / scale:.5g} {unit}".strip()
 

@@ -92,8 +92,8 @@ def orders(step: Step) -> list[float]:
 
 @pytest.mark.parametrize(("unit", "E"), [(1.0, 1e6), (1e3, 1.0)])
 def test_large_sliding_converges_quadratically(unit: float, E: float) -> None:
-    """Residuals of the steps while the punch is drawn over 0.9 m, four nodes over three facets (docs/bodies.md has the table): none takes
-    more than six iterations; without the stiffness of contact the second step does not converge at all."""
+    """Residuals of the steps while the punch is drawn over 0.9 m, four nodes over three facets (docs/measures/deformable_bodies.md): none
+    takes more than six iterations; without the stiffness of contact the second step does not converge at all."""
     steps = sliding(0.0, 0.3, 8, unit, E)
     assert all(step.substeps == 1 and len(step.linearised) <= 6 for step in steps)
     assert all(step.linearised[-1].residual < 1e-9 and step.penetration < 1e-7 * unit for step in steps)

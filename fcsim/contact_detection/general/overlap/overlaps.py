@@ -80,7 +80,8 @@ def _leaves_over_a_rim(
     """Whether edges (n,) that go through facets (n,), by height (n,) < 0 [m] at their ends (n,), 0 or 1, have known contacts that are less
     deep with an edge of that facet, between the facet and that end."""
     count, nf = len(met.gap), len(skin.facets)
-    crossing = np.concatenate([np.repeat(met.edges[:, own] * nf, 2) + skin.edge_facets[met.edges[:, 1 - own]].ravel() for own in range(2)])
+    sides = [(met.edges[:, own], met.edges[:, 1 - own]) for own in range(2)]
+    crossing = np.concatenate([np.repeat(own * nf, 2) + skin.edge_facets[other].ravel() for own, other in sides])
     row, contact = of_same_key(crossing, edge * nf + facet)
     own, contact = contact // (2 * count), contact % (2 * count) // 2
     origin = shape.point[skin.facets[facet[row], 0]]  # as `pierced` has it

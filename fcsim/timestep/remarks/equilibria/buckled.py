@@ -74,7 +74,8 @@ class Buckled:
                 share = 0.0 if share else prestress.straightened(stress, x, firm)
                 if share > NAMED and found.strain[body] < SLENDER * share:
                     drawn = max(drawn, (share, body))
-        return {kind: f"{when}: {text}" for kind, text in (_pressed(model, *pressed) | _drawn(model, *drawn)).items() if kind not in said}
+        every = _pressed(model, *pressed) | _drawn(model, *drawn)
+        return {kind: f"{when}: {text}" for kind, text in every.items() if kind not in said}
 
     def _lost(self, step: Step, when: str) -> dict[str, str]:
         model = step.model
