@@ -1,13 +1,14 @@
 """Statics of soft blocks on pins: what links leave free is named by its body and its motion, what they hold is not."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import fcsim
 from fcsim.errors import InputError
-from fcsim.linkage import Ball, Linkage, without_contact_of
+from fcsim.linkage import Ball, Control, Linkage, without_contact_of
 from fcsim.mesh import Body, Material, brick, rectangle
 from fcsim.timestep.chain import NotConverged
 from fcsim.timestep.limits import KinematicsLeft
@@ -65,6 +66,15 @@ def test_one_ball_leaves_three_turns_and_a_pin_of_the_plane_one() -> None:
 def test_what_links_hold_has_no_mechanism(places: list[tuple[float, ...]]) -> None:
     assert not said(pinned(places))
     assert len(list(pinned(places))) == 1
+
+
+def test_a_control_has_no_bodies_of_its_own() -> None:
+    simulation = pinned(LINE)
+    drive = Control("drive", (("other", (1.5, 0.5, 0.5), 1.0),), (1.0, 0.0, 0.0), 0.0)
+    assert simulation.linkage is not None
+    driven = replace(simulation, linkage=Linkage(simulation.model, [drive, *simulation.linkage.links]))
+    (text,) = said(driven)
+    assert "along (0, 1, 0): " in text
 
 
 def test_dynamics_follow_it() -> None:
