@@ -68,13 +68,13 @@ def test_what_links_hold_has_no_mechanism(places: list[tuple[float, ...]]) -> No
     assert len(list(pinned(places))) == 1
 
 
-def test_a_control_has_no_bodies_of_its_own() -> None:
+@pytest.mark.parametrize(("along", "free"), [((0.0, 1.0, 0.0), True), ((1.0, 0.0, 0.0), False)])
+def test_a_control_holds_the_hinge_unless_it_acts_along_its_line(along: tuple[float, ...], free: bool) -> None:
+    """A control has no two bodies, as the other links do."""
     simulation = pinned(LINE)
-    drive = Control("drive", (("other", (1.5, 0.5, 0.5), 1.0),), (1.0, 0.0, 0.0), 0.0)
     assert simulation.linkage is not None
-    driven = replace(simulation, linkage=Linkage(simulation.model, [drive, *simulation.linkage.links]))
-    (text,) = said(driven)
-    assert "along (0, 1, 0): " in text
+    drive = Control("drive", (("other", (1.5, 0.5, 0.5), 1.0),), along, 0.0)  # moved along x by a turn about y
+    assert bool(said(replace(simulation, linkage=Linkage(simulation.model, [drive, *simulation.linkage.links])))) is free
 
 
 def test_dynamics_follow_it() -> None:
