@@ -47,6 +47,8 @@ def mechanisms(model: Model, linkage: Linkage | None, scheme: Scheme, state: Sta
     soft = {number for group in model.groups if not group.finite for number in group.members.tolist()}
     for link in linkage.links:
         bodies = [model.number[end] for end in _ends(link) if end is not None]
+        if not bodies:  # a control holds points of many
+            continue
         apart = free[:, bodies[-1]] - free[:, bodies[0]] if len(bodies) == 2 else free[:, bodies[-1]]
         loose = [number for number in reversed(bodies) if number in soft]
         if not loose or float(np.abs(apart).max(initial=0.0)) < SEEN:

@@ -1,13 +1,14 @@
 """Statics of soft blocks on pins: what links leave free is named by its body and its motion, what they hold is not."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import fcsim
 from fcsim.errors import InputError
-from fcsim.linkage import Ball, Linkage, without_contact_of
+from fcsim.linkage import Ball, Control, Linkage, without_contact_of
 from fcsim.mesh import Body, Material, brick, rectangle
 from fcsim.timestep.chain import NotConverged
 from fcsim.timestep.limits import KinematicsLeft
@@ -65,6 +66,15 @@ def test_one_ball_leaves_three_turns_and_a_pin_of_the_plane_one() -> None:
 def test_what_links_hold_has_no_mechanism(places: list[tuple[float, ...]]) -> None:
     assert not said(pinned(places))
     assert len(list(pinned(places))) == 1
+
+
+@pytest.mark.parametrize(("along", "free"), [((0.0, 1.0, 0.0), True), ((1.0, 0.0, 0.0), False)])
+def test_a_control_holds_the_hinge_unless_it_acts_along_its_line(along: tuple[float, ...], free: bool) -> None:
+    """A control has no two bodies, as the other links do."""
+    simulation = pinned(LINE)
+    assert simulation.linkage is not None
+    drive = Control("drive", (("other", (1.5, 0.5, 0.5), 1.0),), along, 0.0)  # moved along x by a turn about y
+    assert bool(said(replace(simulation, linkage=Linkage(simulation.model, [drive, *simulation.linkage.links])))) is free
 
 
 def test_dynamics_follow_it() -> None:
