@@ -16,6 +16,7 @@ from fcsim import (
     Simulation,
     Support,
     SurfacePair,
+    Theta,
     Traction,
     build_model,
     contact_surface,
@@ -72,3 +73,18 @@ def test_what_is_said_to_help_does(upper: int, lower: int, rule: str) -> None:
     came, said = pressed(upper, lower, rule)
     assert came == pytest.approx(1.0, abs=0.01)
     assert said == ()
+
+
+@pytest.mark.parametrize(("upper", "lower", "named"), [(1, 50, 1), (4, 4, 0)])
+def test_in_dynamics_energy_and_forces_of_all_steps_tell(upper: int, lower: int, named: int) -> None:
+    """A soft block comes to lie on another under its weight, begun at once, and swings: one step alone says nothing."""
+    material = Material(E=1e7, nu=0.2, density=2000.0)
+    bodies = [
+        Body("above", rectangle("above", (1.0, 1.0), (upper, 4), material), translation=(0.0, 1.0)),
+        Body("below", rectangle("below", (1.0, 1.0), (lower, 4), material)),
+    ]
+    model = build_model(bodies, supports=[Support("below", ("x", "y"), "y-")], gravity=lambda t: (0.0, -9.81), beta=1e-3)
+    pair = SurfacePair(contact_surface(model, [("above", "y-")]), contact_surface(model, [("below", "y+")]), 0.3, 0.02, "nodes")
+    steps = Simulation(model, Detector([pair], model.n_nodes), Theta(5e-4), 64)
+    said = {said for step in steps for said in step.remarks if "between its points" in said}
+    assert len(said) == named

@@ -16,6 +16,7 @@ bodies give way too much. Blocks on blocks in the plane: 0.002 where the slave's
 twice as long (5.9 % too soft), 0.07 five times (8.2 %), 0.46 fifty times (87 %)."""
 SEEN = 1e-9
 """Of the smaller body's size: less depth than this is round-off."""
+_LONG = 16  # steps of dynamics over which energy and forces are taken together
 
 
 class Entered:
@@ -23,23 +24,27 @@ class Entered:
     them by more than `NAMED` of how far the contacts deform bodies, twice the elastic energy over the sum of their forces: the slave's few
     points bear what should be spread. The same pairs the other way round are the measure.
 
-    Steps 1, 4, 16, ... and the last are looked at, in dynamics not the first one: forces act there on bodies that are not deformed yet.
+    Steps 1, 4, 16, ... and the last are looked at. In dynamics forces act on bodies not deformed yet or swinging back: energy and forces
+    are those of all steps so far there, from step 16 on (at rest in the mean, as the virial theorem has it).
     """
 
     def __init__(self, detection: Detection, steps: int) -> None:
         self._detection, self._steps = innermost(detection), steps
+        self._energy = self._force = 0.0
 
     def __call__(self, step: Step, when: str, said: frozenset[str]) -> dict[str, str]:
         """The remark, {} where there is none."""
         model, detection = step.model, self._detection
-        if "entered" in said or not model.deformable or not (looked_at(step.number) or step.number == self._steps):
+        if "entered" in said or not model.deformable or not isinstance(detection, Detector):
             return {}
-        if step.number == 1 and step.scheme.timing.moving:
+        force, moving = step.contact_force[:, 0], step.scheme.timing.moving
+        before = (self._energy, self._force) if moving else (0.0, 0.0)
+        self._energy, self._force = before[0] + step.energy.elastic, before[1] + float(force.sum())
+        if not (looked_at(step.number) or step.number == self._steps) or (moving and step.number < _LONG):
             return {}
-        force = step.contact_force[:, 0]
-        if not isinstance(detection, Detector) or not (force > 0).any():
+        if not (force > 0).any():
             return {}
-        motion, size = 2.0 * step.energy.elastic / float(force.sum()), step.encounter.meeting.proportions.size
+        motion, size = 2.0 * self._energy / self._force, step.encounter.meeting.proportions.size
         contacts, x = step.contacts, model.positions(step.state.x)
         bears = np.zeros(model.n_nodes, dtype=bool)
         real = (contacts.nodes >= 0) & (force > 0)[:, None]
