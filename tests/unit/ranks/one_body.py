@@ -47,7 +47,7 @@ def heap() -> Simulation:
         gravity=lambda t: (1.0, 0.3, -9.81),
         beta=1e-4,
     )
-    return Simulation(model, Everything(model, 0.5), Theta(1e-3), 2)
+    return Simulation(model, Everything(model, 0.5), Theta(1e-3), 4)
 
 
 def two_materials() -> Part:
