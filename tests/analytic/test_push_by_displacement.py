@@ -36,7 +36,7 @@ def stone_on_floor(dimension, width, height, unit=1.0, **more):
 )
 def test_branch_of_one_block_is_the_tangent(dimension, width, height, unit):
     """Moments about the toe: multiplier = tan(alpha - theta); the centroid has gone R (sin alpha - sin(alpha - theta))."""
-    branch = push_by_displacement(pushed(stone_on_floor(dimension, width, height, unit), (1.0, 0.0, 0.0)), step=2e-3 * height * unit)
+    branch = push_by_displacement(pushed(stone_on_floor(dimension, width, height, unit), (1.0, 0.0, 0.0)), step=4e-3 * height * unit)
     alpha, R = np.arctan2(width, height), 0.5 * unit * np.hypot(width, height)
     left = np.arcsin(np.clip(np.sin(alpha) - branch.displacement / R, -1, 1))  # alpha - theta
     assert_allclose(branch.multiplier, np.tan(left), atol=2e-3 * np.tan(alpha))

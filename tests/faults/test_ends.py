@@ -215,7 +215,7 @@ def test_two_writers(whole: Any, tmp_path: Path, how_many: Any) -> None:
         assert left(out) == expected
 
 
-@pytest.mark.parametrize("every", [0, 1, 3, 7])
+@pytest.mark.parametrize("every", [0, 1, 7, pytest.param(3, marks=pytest.mark.slow)])
 def test_resume_matrix(whole: Any, tmp_path: Path, every: int, how_many: Any) -> None:
     """Interrupted after any step, whatever the checkpoints, and with the steps given only then."""
     script, expected = whole["stack"]

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from tests.unit.ranks.conftest import Program
+from tests.unit.ranks.conftest import Ended, Program
 from tests.unit.ranks.scenarios import SCENARIOS, seen
 
 PROGRAM = Path(__file__).with_name("scenarios.py")
@@ -27,18 +27,18 @@ Shared = Callable[[int], list[dict[str, Any]]]
 @pytest.fixture(scope="module")
 def shared(mpiexec: Program) -> Shared:
     """What each of so many ranks has seen; their hash seeds differ, as those of processes do."""
-    found: dict[int, list[dict[str, Any]]] = {}
 
-    def of(ranks: int) -> list[dict[str, Any]]:
-        if ranks in found:
-            return found[ranks]
+    @cache  # of a failure too: each test would begin the ranks anew
+    def ended(ranks: int) -> Ended:
         for name in SCENARIOS:  # first, so that the ranks find compiled what one process computes with: each would compile it
             alone(name)
-        ended = mpiexec(ranks, PROGRAM, timeout=280, env={"PYTHONPATH": str(Path(__file__).parents[3])})
-        assert ended.code == 0, ended.err
-        found[ranks] = [json.loads(line) for line in ended.out.splitlines() if line.startswith("{")]
-        assert sorted(answer["rank"] for answer in found[ranks]) == list(range(ranks))
-        return found[ranks]
+        return mpiexec(ranks, PROGRAM, timeout=280, env={"PYTHONPATH": str(Path(__file__).parents[3])})
+
+    def of(ranks: int) -> list[dict[str, Any]]:
+        assert ended(ranks).code == 0, ended(ranks).err
+        found = [json.loads(line) for line in ended(ranks).out.splitlines() if line.startswith("{")]
+        assert sorted(answer["rank"] for answer in found) == list(range(ranks))
+        return found
 
     return of
 
