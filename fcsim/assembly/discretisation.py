@@ -17,13 +17,12 @@ from scipy.sparse import csr_array
 
 from fcsim import runtime
 from fcsim.arrays import FloatArray, IntArray
-from fcsim.errors import InputError, MissingDependency
+from fcsim.errors import InputError
 from fcsim.mesh.cell_type import CELL_TYPES
 from fcsim.mesh.part import Part
 
 if TYPE_CHECKING:
     from dolfinx.fem import Constant, FunctionSpace
-    from dolfinx.fem import Form as CompiledForm
     from dolfinx.mesh import Mesh
     from ufl import Form, Measure
 
@@ -81,14 +80,14 @@ class Discretisation:
         return (components * node[:, None] + np.arange(components)).ravel()
 
     def matrix(self, form: Form, space: FunctionSpace) -> csr_array:
-        entries = runtime.dolfinx().fem.assemble_matrix(_compiled(form)).to_scipy().tocoo()
+        entries = runtime.dolfinx().fem.assemble_matrix(runtime.compiled_form(form)).to_scipy().tocoo()
         dof = self.dof(space)
         return csr_array((entries.data, (dof[entries.row], dof[entries.col])), shape=entries.shape)
 
     def vector(self, form: Form, space: FunctionSpace) -> FloatArray:
         dof = self.dof(space)
         values = np.empty(len(dof))
-        values[dof] = runtime.dolfinx().fem.assemble_vector(_compiled(form)).array
+        values[dof] = runtime.dolfinx().fem.assemble_vector(runtime.compiled_form(form)).array
         return values
 
     def boundary_facets(self, part: Part, surface_name: str) -> IntArray:
@@ -137,17 +136,3 @@ def discretise(part: Part) -> Discretisation:
         vector_space=dolfinx.fem.functionspace(mesh, ("Lagrange", cell.order, (d,))),
         degree=QUADRATURE_DEGREE[part.cell_type],
     )
-
-
-def _compiled(form: Form) -> CompiledForm:
-    """Return the form compiled to machine code by ffcx (cached on disk)."""
-    dolfinx = runtime.dolfinx()
-    from cffi import VerificationError
-
-    try:
-        return dolfinx.fem.form(form, dtype=np.float64)
-    except VerificationError as error:
-        raise MissingDependency(
-            f"dolfinx compiles forms with a C compiler, and this one failed ({error}): install one (on Debian: apt-get install gcc "
-            "libc6-dev) or name it in the environment variable CC"
-        ) from error

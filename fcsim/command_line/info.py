@@ -26,7 +26,7 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         description="Print what an FCLIB file holds, or what a model of blocks is: a masonry problem or COMPAS JSON, solids, a mesh.",
     )
     info.add_argument("file", type=Path, metavar="FILE", help="FCLIB file (.hdf5), or a model of blocks")
-    info.add_argument("--draw", type=Path, metavar="PICTURE", help="draw a model of blocks into this .png")
+    info.add_argument("--draw", type=Path, metavar="PICTURE", help="draw a model of blocks into this .png, .jpg, .svg or .pdf")
     info.add_argument("--scale", type=float, help="metres to a unit of length of surface, mesh and COMPAS files: 1e-3 for mm")
     info.add_argument("--array", metavar="NAME", help="of whole numbers of a mesh's cells that are its blocks (default: its groups)")
     info.set_defaults(act=_info)

@@ -141,5 +141,5 @@ def _print_summary(summary: Summary, directory: Path) -> None:
     written = {"run.json": "", "steps.csv": "", "vtk/run.pvd": " for ParaView", "fclib/": ""}
     there = [name + use for name, use in written.items() if (directory / name).exists()]
     say(f"results: {directory} ({', '.join(there)})")
-    if summary.converged:
+    if summary.converged and summary.steps:  # of no step there is nothing to draw
         say(f"pictures, film and plots: fcsim render {shlex.quote(str(directory))}")

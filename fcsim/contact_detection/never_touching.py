@@ -8,6 +8,7 @@ import numpy as np
 
 from fcsim.arrays import FloatArray
 from fcsim.contact_detection.surfaces import facets as contact_facets
+from fcsim.contact_detection.surfaces.candidates import candidates, placed
 from fcsim.contact_detection.surfaces.facets import FacetGeometry
 from fcsim.contact_detection.surfaces.surface import OPPOSING, SurfacePair
 
@@ -19,15 +20,15 @@ def never_touching(pairs: Sequence[SurfacePair], positions: FloatArray, names: S
     """Say of each pair that finds nothing as its bodies stand at `positions` (n_nodes, d) [m] why; names of the bodies by number.
 
     Three things are seen: no facet of the slave faces one of the master on another body; the slave lies wholly behind the master, farther
-    than a facet; each slave facet is larger than the master surface of any body, so that no candidate may ever be above that. Bodies that
-    turn may change the first two, so this is a remark and no error.
+    than a facet; each slave facet is larger than the master surface of any body, and no candidate lies over one. Bodies that
+    turn or slide may change that, so this is a remark and no error.
     """
     said = []
     for number, pair in enumerate(pairs):
         if not (len(pair.slave.facets) and len(pair.master.facets)):
             continue
         slave, master = (contact_facets.geometry(contact_facets.join([s]), positions) for s in (pair.slave, pair.master))
-        why = _why(pair, slave, master)
+        why = _why(pair, slave, master, positions)
         if why:
             first = names[int(pair.slave.bodies[0])], names[int(pair.master.bodies[0])]
             called = f" {pair.name!r}" if pair.name else f" {number + 1}"
@@ -35,7 +36,7 @@ def never_touching(pairs: Sequence[SurfacePair], positions: FloatArray, names: S
     return tuple(said)
 
 
-def _why(pair: SurfacePair, slave: FacetGeometry, master: FacetGeometry) -> str:
+def _why(pair: SurfacePair, slave: FacetGeometry, master: FacetGeometry, positions: FloatArray) -> str:
     i, j = (np.unique(np.linspace(0, len(part.centre) - 1, _SEEN).astype(np.int64)) for part in (slave, master))
     facing = slave.normal[i] @ master.normal[j].T < OPPOSING
     facing &= pair.slave.bodies[i][:, None] != pair.master.bodies[j]
@@ -47,9 +48,20 @@ def _why(pair: SurfacePair, slave: FacetGeometry, master: FacetGeometry) -> str:
         return "the slave lies behind the master, on the side of its body and beyond; is each the face that looks at the other body?"
     if pair.candidates in _INTEGRAL:
         return ""
-    largest = max(
-        float(np.linalg.norm(np.ptp(master.corners[pair.master.bodies == b], axis=(0, 1)))) for b in np.unique(pair.master.bodies)
-    )
-    if slave.size.min() > largest:
+    masters = [master.corners[pair.master.bodies == b].reshape(-1, positions.shape[1]) for b in np.unique(pair.master.bodies)]
+    largest = max(float(np.linalg.norm(np.ptp(points, axis=0))) for points in masters)
+    if slave.size.min() > largest and not _over(pair, positions, masters):
         return "every facet of the slave is larger than the master; swap the two, or divide the slave's facets"
     return ""
+
+
+def _over(pair: SurfacePair, positions: FloatArray, masters: Sequence[FloatArray]) -> bool:
+    """Whether a candidate lies over the master surface of a body (corners (., d)), along the candidate's normal: within a sphere around it,
+    so that nothing is said where it is not certain."""
+    point, outward, _ = placed(candidates(pair.slave, pair.candidates), contact_facets.join([pair.slave]), positions)
+    for corners in masters:
+        away = 0.5 * (corners.min(axis=0) + corners.max(axis=0)) - point
+        across = away - np.einsum("nd,nd->n", away, outward)[:, None] * outward
+        if np.linalg.norm(across, axis=1).min() <= 0.5 * float(np.linalg.norm(np.ptp(corners, axis=0))):
+            return True
+    return False

@@ -112,12 +112,12 @@ class NodeToSegment:
 
     def _of_ranks(self, ranks: World, now: Configuration, candidate: IntArray, facet: IntArray) -> Feet:
         """`_nearest`, each rank of some candidates, which do not ask of one another, and gathered: candidates of possible pairs ascend."""
-        starts = candidate[len(candidate) * np.arange(1, ranks.size) // ranks.size] if len(candidate) else candidate
+        starts = candidate[len(candidate) * np.arange(1, ranks.size) // ranks.size] if len(candidate) else np.zeros(ranks.size - 1, int)
         cuts = [0, *np.searchsorted(candidate, starts).tolist(), len(candidate)]
         own = slice(cuts[ranks.number], cuts[ranks.number + 1])
         with ranks.together("contacts"):
             found = self._nearest(now, candidate[own], facet[own])
-        if kept_alike() and len(starts) == ranks.size - 1:
+        if kept_alike() and len(candidate):
             self._cuts = (0, *starts.tolist(), len(self.candidates.bodies))
         return _gathered(ranks, found, len(candidate))[0]
 

@@ -155,8 +155,12 @@ def write_description(directory: Path, description: Description) -> None:
         return
     path = directory / FILE
     write_record(path, description)
-    with path.open("a", encoding="utf-8") as file:
-        file.write(" " * SPARE + "\n")
+    try:
+        with path.open("a", encoding="utf-8") as file:
+            file.write(" " * SPARE + "\n")
+    except OSError as error:  # a full disk does not say which file it was
+        error.filename = error.filename or str(path)
+        raise
 
 
 def write_end(directory: Path, description: Description) -> None:

@@ -180,9 +180,9 @@ def _opened(
         empty(directory)
         description = description.begun()
     remove_partial_files(directory)
-    write_description(directory, replace(description, status="running"))
     start = moments[0].number if moments else 0
     try:
+        write_description(directory, replace(description, status="running"))
         outputs = Outputs(directory, asked.case, asked.parameters, asked.options, start, description.origin)
     except OSError as error:  # a disk that is full from the beginning
         write_end(directory, replace(description, status="failed", message=f"{type(error).__name__}: {error}", steps_done=start))

@@ -7,6 +7,7 @@
   OPENBLAS_NUM_THREADS, ...) says otherwise. A program that imports fcsim keeps its own number outside these calls.
 * Large arrays that are freed in one step and made again in the next stay with the process (`keep_freed_memory`).
 * `dolfinx()` and `petsc()` are the only doors to those packages: where the `dolfinx_solver` wheel exists it must be imported first.
+* `compiled_form` compiles forms, and mends what a killed process left where they are kept.
 * The working directory is a place, not a source (`without_local_options`): numba reads .numba_config.yaml there (where compiled functions
   are loaded from), dolfinx dolfinx_jit_options.json (arguments of the C compiler), PETSc .petscrc (files it writes, libraries it loads),
   matplotlib matplotlibrc (programs it calls), and `python -c` every module: a folder of somebody else's results would run their code.
@@ -15,6 +16,7 @@
 """
 
 from fcsim.runtime.caches import writable_caches as writable_caches
+from fcsim.runtime.compiled_forms import compiled_form as compiled_form
 from fcsim.runtime.freed_memory import keep_freed_memory as keep_freed_memory
 from fcsim.runtime.freed_memory import release_freed_memory as release_freed_memory
 from fcsim.runtime.gmsh_models import gmsh_model as gmsh_model

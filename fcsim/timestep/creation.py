@@ -6,6 +6,7 @@ import numpy as np
 
 from fcsim.assembly.kinematics.following import When
 from fcsim.assembly.model import Model
+from fcsim.contact_detection.contacts import CABLES
 from fcsim.errors import Unphysical
 from fcsim.timestep.energy import pushing
 from fcsim.timestep.step import Step
@@ -58,6 +59,9 @@ def _cause(step: Step) -> str:
     if not len(contacts):
         return "No contact is left in this step"
     deepest = int(np.argmin(contacts.gap))
+    if contacts.cables[deepest] and step.linkage is not None:
+        name = step.linkage.cables[int(contacts.identity[deepest]) - CABLES].link.name
+        return f"Most out of place is the cable {name!r}, longer than it is by {max(-contacts.gap[deepest], 0.0):.4g} m"
     slave, master = (step.model.bodies[k].name for k in contacts.bodies[deepest])
     where = ", ".join(f"{x:.4g}" for x in contacts.point[deepest])
     if contacts.gap[deepest] >= 0:

@@ -23,8 +23,9 @@ from fcsim.solvers import Memory
 from fcsim.timestep.beginning.impact import remark
 from fcsim.timestep.chain import Attempt, Clock, SolverSettings, given_up, not_converged
 from fcsim.timestep.creation import REST, energy_at_rest, refuse_creation
-from fcsim.timestep.limits import NAMED_STRAIN, Limits, refuse_beyond
+from fcsim.timestep.limits import NAMED_STRAIN, KinematicsLeft, Limits, refuse_beyond
 from fcsim.timestep.links.linked import refuse_linkage, refuse_unseen_cables
+from fcsim.timestep.links.mechanisms import left
 from fcsim.timestep.regularisation.doubts import doubts
 from fcsim.timestep.remarks.arguments import refuse_arguments, whole_number
 from fcsim.timestep.remarks.of_steps import StepRemarks
@@ -157,7 +158,10 @@ class Simulation:
                 yield step.handed_out((*opening, *new.values()))
                 opening = ()
             said |= new.keys()
-            refuse_beyond(self.limits, self.model, deformation, when)
+            try:
+                refuse_beyond(self.limits, self.model, deformation, when)
+            except KinematicsLeft as error:
+                raise left(error, self.model, self.linkage, self.scheme, after.state) from None
             if watch is not None and watch.witness.stop and step.overlap is not None and step.overlap.beyond:
                 soft = step.encounter.terms.compliance is not None
                 raise Penetration(penetration_seen(step.number, step.state.t, step.overlap, watch.witness.tolerance, soft))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from textwrap import fill
 
@@ -17,6 +18,8 @@ from fcsim.view.style import figure, matplotlib, prefixed, save, styled
 
 _HAIR = 1e-3
 """Of the largest opening: less is drawn as closed."""
+_SUPPORTS = 0.25
+"""Of the free blocks' extent: so far beyond them their supports are seen."""
 
 
 def draw_cracks(problem: MasonryProblem, model: Model, x: FloatArray, joints: tuple[Opening, ...], path: Path, title: str) -> Path:
@@ -28,8 +31,7 @@ def draw_cracks(problem: MasonryProblem, model: Model, x: FloatArray, joints: tu
     with styled():
         places = np.split(model.positions(x), model.node_offset[1:-1])
         held = [problem.blocks[problem.number[body.name]].support for body in model.bodies]
-        free = np.concatenate([place for place, fixed in zip(places, held, strict=True) if not fixed])
-        width, height = np.ptp(free, axis=0)
+        width, height = np.ptp(_seen(places, held), axis=0)
         drawing = figure(9.0, float(np.clip(8.0 * height / max(width, 1e-9), 3.0, 12.0)) + 0.8, layout="constrained")
         axes = drawing.add_subplot()
         for corners, body, fixed in zip(places, model.bodies, held, strict=True):
@@ -41,8 +43,9 @@ def draw_cracks(problem: MasonryProblem, model: Model, x: FloatArray, joints: tu
                 share = joint.opening / most
                 axes.plot(*zip(*joint.ends, strict=True), color=colours(0.25 + 0.6 * share), linewidth=1.0 + 5.0 * share, zorder=2)
         margin = 0.05 * max(width, height)
-        axes.set_xlim(free[:, 0].min() - margin, free[:, 0].max() + margin)
-        axes.set_ylim(free[:, 1].min() - margin, free[:, 1].max() + margin)
+        low, high = _seen(places, held)
+        axes.set_xlim(low[0] - margin, high[0] + margin)
+        axes.set_ylim(low[1] - margin, high[1] + margin)
         axes.set_aspect("equal")
         axes.set_xlabel("x [m]")
         axes.set_ylabel("z [m]")
@@ -53,3 +56,15 @@ def draw_cracks(problem: MasonryProblem, model: Model, x: FloatArray, joints: tu
         bar = matplotlib().cm.ScalarMappable(matplotlib().colors.Normalize(0.0, most / scale), shades)
         drawing.colorbar(bar, ax=axes, label=f"opening of the joint [{unit}]", shrink=0.8)
         return save(drawing, path)
+
+
+def _seen(places: Sequence[FloatArray], held: Sequence[bool]) -> FloatArray:
+    """Lowest and highest coordinates (2, d) [m] of what is drawn: the free blocks, and their supports as far as they are no ground that
+    would leave the blocks small."""
+    free = np.concatenate([place for place, fixed in zip(places, held, strict=True) if not fixed])
+    every = np.concatenate(places)
+    room = _SUPPORTS * float(np.ptp(free, axis=0).max())
+    low = np.maximum(every.min(axis=0), free.min(axis=0) - room)
+    high = np.minimum(every.max(axis=0), free.max(axis=0) + room)
+    seen: FloatArray = np.stack([low, high])
+    return seen

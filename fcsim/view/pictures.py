@@ -193,7 +193,7 @@ def _imposed(run: RunFolder, instant: Instant) -> str:
     if imposed is None or value is None:
         return ""
     scale, unit = prefixed(imposed.unit or "m", run.numbers(imposed.column))
-    return f"{value / scale:.3f} {unit}".replace("-", "−")
+    return f"{value / scale:z.3f} {unit}".replace("-", "−")
 
 
 class _Page:

@@ -226,7 +226,10 @@ def test_B4_cook_with_second_order(n: int, u: float) -> None:
     assert_allclose(at(model, step, (48, 52)), u, rtol=1e-3)
 
 
-@pytest.mark.parametrize(("elements", "n", "tolerance"), [("Q1", 32, 0.02), ("Q1-bbar", 32, 0.02), ("Q2", 64, 2e-5)])
+@pytest.mark.parametrize(
+    ("elements", "n", "tolerance"),
+    [("Q1", 32, 0.02), ("Q1-bbar", 32, 0.02), ("Q2", 32, 2e-3), pytest.param("Q2", 64, 2e-5, marks=pytest.mark.slow)],
+)
 def test_A18_cook_linear(elements: str, n: int, tolerance: float) -> None:
     """E 70, nu 1/3, traction 6.25, plane strain: 32.263 at (48, 60), 30.741 at (48, 52), by 64 x 64 cells of second order."""
     model, step = membrane(n, Material(70.0, 1 / 3, 1.0), elements, 6.25, 1)
@@ -296,7 +299,7 @@ def test_C3_torsion_of_large_strain(cells: tuple[int, int], degrees: int, tolera
     assert_allclose(exact, published, rtol=1e-3)
     part = annulus(10.0, 20.0, *cells, FinitePlastic(E, nu, 1.0, LinearHardening(sy, H)), 1.08, "Q1-bbar")
     turned = DrivenRotation("body", lambda t: np.radians(degrees) * t, (0.0, 0.0), surface="bore")
-    model, steps = quasi_static(part, [Support("body", ("x", "y"), "rim"), turned], [], min(degrees, 30), "rim")
+    model, steps = quasi_static(part, [Support("body", ("x", "y"), "rim"), turned], [], degrees // 2, "rim")
     bore = np.unique(model.facets("body", "bore"))
     each = len(steps) * 10 // degrees
     moments = []
@@ -342,7 +345,7 @@ def test_D4_spinning_bar(kL: float) -> None:
     pair = SurfacePair(contact_surface(model, [("bar", "x-")]), contact_surface(model, [("far", "x-")]), 0.0, 1e-3)
     h = 0.1 * kL / omega  # 40 steps a period of the bar
     lengths = []
-    for step in Simulation(model, Detector([pair], model.n_nodes), Theta(h), 80, initial=start):
+    for step in Simulation(model, Detector([pair], model.n_nodes), Theta(h), 40, initial=start):
         x = model.reference[: len(X)] + step.state.x[: model.n_elastic].reshape(-1, 2)
         ends = x[X.max() == X].mean(axis=0), x[X.min() == X].mean(axis=0)
         lengths.append(np.linalg.norm(ends[0] - ends[1]) / (2 * L) - 1)

@@ -52,7 +52,7 @@ def test_collision_of_two_tumbling_boxes(mu: float, restitution: float) -> None:
     assert np.abs(np.diff(energy)[flight]).max() < 1e-5 * energy[0]
 
 
-@pytest.mark.parametrize("rho", [1.0, 0.8])
+@pytest.mark.parametrize("rho", [0.8, pytest.param(1.0, marks=pytest.mark.slow)])
 def test_generalised_alpha_gives_the_energy_of_an_elastic_impact_back_with_order_two(rho: float) -> None:
     """With the inertia of another configuration than that of the contacts it would be of order one, and 100 times larger."""
     errors = []

@@ -44,7 +44,7 @@ def form_forces(part: Part, form: Form | Callable[[PartForms], Form], what: str)
         else:
             _refuse_other_space(part, space, what)
             fem = runtime.dolfinx().fem
-            forces = part.thickness * _on_nodes(space, fem.assemble_vector(fem.form(written, dtype=np.float64)).array, part)
+            forces = part.thickness * _on_nodes(space, fem.assemble_vector(runtime.compiled_form(written)).array, part)
     except InputError:
         raise
     except Exception as error:  # whatever UFL, FFCx and the user's function raise

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import os
 import platform
 import shlex
@@ -83,13 +84,15 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     board.set_defaults(act=_leaderboard)
 
 
-def _numbers(option: str, text: str) -> list[int]:
+def _numbers(option: str, text: str, what: str, least: int, most: float = math.inf) -> list[int]:
     try:
         numbers = [int(part) for part in names_in(text)]
     except ValueError:
         raise InputError(f"{option}: expected whole numbers with commas between, got {text!r}") from None
     if not numbers:
         raise InputError(f"{option}: expected at least one whole number, got none")
+    if wrong := [number for number in numbers if not least <= number <= most]:
+        raise InputError(f"{option}: expected {what}, got {wrong[0]}")
     return numbers
 
 
@@ -157,7 +160,7 @@ def _announce(options: argparse.Namespace, problems: int, solvers: Sequence[str]
 
 def _problems(options: argparse.Namespace) -> tuple[list[Entry], dict[tuple[str, str], tuple[str, str, bool | None]], list[str]]:
     """The problems, the group of each by name and form as `groups` takes it, and notes on what is left out."""
-    from fcsim.bench.families import FAMILIES
+    from fcsim.bench.families import FAMILIES, LARGEST
     from fcsim.bench.families.files import write_problems
     from fcsim.bench.problems import entries
 
@@ -170,7 +173,8 @@ def _problems(options: argparse.Namespace) -> tuple[list[Entry], dict[tuple[str,
         entries([folder])
         files = sorted(folder.rglob("*.hdf5")) if folder.is_dir() else [folder]
         places |= {file: (f"FCLIB {folder.resolve().stem}", "FCLIB files as they are.", None) for file in files}
-    sizes, seeds = _numbers("--sizes", options.sizes), _numbers("--seeds", options.seeds)
+    sizes = _numbers("--sizes", options.sizes, f"numbers of contacts from 1 to {LARGEST}", 1, LARGEST)
+    seeds = _numbers("--seeds", options.seeds, "integers >= 0", 0)
     with ended_politely(), Bar("problems", lines=0) as bar:
         made = write_problems(options.folder / PROBLEMS, families, sizes, seeds, bar.update) if families else {}
     places = {file: (name, FAMILIES[name].about, FAMILIES[name].solvable) for file, name in made.items()} | places

@@ -76,7 +76,8 @@ class Settlement:
     moved (n,) [m]: the largest displacement of a support's corner; forces: by support (n, d) [N], by which it holds the structure, in the
     shape that it has where the step begins, a row before;
     opening, slip (n,) [m]: the widest joint, the largest slip; open_joints (n,): how many joints have opened
-    falls: the structure ran away after the last row; turned: the way ends there because a deformable block has turned by more than
+    falls: the structure ran away after the last row, whose shape is the last that stands under its loads; turned: the way ends there
+    because a deformable block has turned by more than
     `ROTATION`; joints: their openings in it; x: the configuration of `model` there
     """
 
@@ -143,14 +144,28 @@ def settle(
         watch(step)
         last = step
         rows.append(_Row.of(reach * step.number / steps, step, contacts, problem))
+    x = last.state.x
+    if falls and len(rows) > 1 and not _stands(still, problem, scheme, x, _RUNS * reach / steps):
+        rows, x = rows[:-1], last.previous.x  # it ran away from a shape that no force holds: the step to it had those of the one before
     names = list(rows[0].forces)
     moved, opening, slip, count = np.array([(row.moved, row.opening, row.slip, row.open_joints) for row in rows]).T
     forces = {name: np.array([row.forces[name] for row in rows]) for name in names}
-    joints = openings(contacts, last.model, last.state.x)
-    return Settlement(moved, forces, opening, slip, count, falls, turned, joints, last.model, last.state.x)
+    joints = openings(contacts, last.model, x)
+    return Settlement(moved, forces, opening, slip, count, falls, turned, joints, last.model, x)
 
 
 _SOLVER = SolverSettings(name="auto")
+
+
+def _stands(still: Model, problem: MasonryProblem, scheme: QuasiStatic, x: FloatArray, far: float) -> bool:
+    """Whether the structure stays in the configuration x (n_dofs,), its supports at rest: moves by less than `far` [m] in a step."""
+    initial = State(0.0, x, np.zeros(still.n_dofs))
+    try:
+        step = next(iter(Simulation(still, Everything(still, problem.friction), scheme, 1, _SOLVER, initial=initial, created=np.inf)))
+    except NotConverged:
+        return False
+    way = still.node_displacement(step.state.x) - still.node_displacement(x)
+    return bool(np.linalg.norm(way, axis=1)[free_nodes(problem, still)].max() <= far)
 
 
 def _refuse_fall(problem: MasonryProblem, first: Step, far: float) -> None:

@@ -88,6 +88,7 @@ def _points(
         "master": contacts.bodies[:, 1].astype(np.int32),
         "identity": contacts.identity.astype(np.int64),
         "normal": in_space(contacts.frame[:, 0]),
+        # the master's, there: so that `scene` draws a point where the surface is on which it lies
         "displacement": in_space(np.einsum("ak,akj->aj", contacts.on_master, displacement[contacts.nodes])),
     }.items():
         points.GetPointData().AddArray(vtk.array(name, values))

@@ -14,6 +14,7 @@ from fcsim.contact_detection.never_touching import never_touching
 from fcsim.linkage import Linkage
 from fcsim.mesh.part import Body
 from fcsim.timestep.chain import SolverSettings
+from fcsim.timestep.links.mechanisms import mechanisms
 from fcsim.timestep.remarks.falling import falling
 from fcsim.timestep.remarks.locked_joints import locked_joints
 from fcsim.timestep.remarks.of_laws.begun_anew import begun_anew
@@ -72,7 +73,7 @@ def opening_remarks(
     found += [torn_meshes(model), hanging_nodes(model), inertia_of_no_body(model), long_arms(model, scheme)]
     found += [unused_velocities(model, scheme, state), begun_anew(scheme, state)]
     if linkage is not None:
-        found.append(locked_joints(model, linkage, detector, positions))
+        found += [locked_joints(model, linkage, detector, positions), mechanisms(model, linkage, scheme, state)]
     if not linked:
         found.append(free_to_turn(model, scheme))
     if not linked and not upwards:

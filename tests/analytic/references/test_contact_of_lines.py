@@ -113,7 +113,7 @@ def test_A2_cylinder_on_a_block(share: float) -> None:
     compare(pressed_with(share * 17.5e3, upper, lower, 1.3 * share), a, p0, 5e-3)
 
 
-@pytest.mark.parametrize("share", [1.0, 1 / 16])
+@pytest.mark.parametrize("share", [1.0, pytest.param(1 / 16, marks=pytest.mark.slow)])
 def test_A3_two_cylinders(share: float) -> None:
     """VM191: R 10 (E 30000, nu 0.25) on R 13 (E 29120, nu 0.3), 3200 N/mm: half width 1.1997 mm, p0 1698.1; and a sixteenth. In
     eight steps: those of one step are paired along the normals of the beginning, which miss each other by 0.013 of the radius at full load

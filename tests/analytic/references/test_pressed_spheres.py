@@ -41,10 +41,10 @@ def pressed(
     [(Material, "Q1-enhanced", 1.0), (Material, "Q1-enhanced", 1e-3), (saint_venant_kirchhoff, "Q1-bbar", 1.0)],
 )
 def test_hertz(law: Any, elements: str, unit: float) -> None:
-    """F = 4/3 E* sqrt(R) d^(3/2), H. Hertz 1881, at each of eight depths (mm, and m); contacts by the vertices, not by one facet."""
+    """F = 4/3 E* sqrt(R) d^(3/2), H. Hertz 1881, at each of four depths (mm, and m); contacts by the vertices, not by one facet."""
     R, depth, E, nu = 10.0 * unit, 0.01 * unit, 210e3 / unit**2, 0.3
-    steps, force = pressed(R, depth, law(E, nu, 7.8e-9 / unit**4), elements, 8)
-    d = depth * np.arange(1, 9) / 8
+    steps, force = pressed(R, depth, law(E, nu, 7.8e-9 / unit**4), elements, 4)
+    d = depth * np.arange(1, 5) / 4
     assert_allclose(force, 4 / 3 * E / (1 - nu**2) * np.sqrt(R) * d**1.5, rtol=0.04)
     assert np.count_nonzero(steps[-1].contact_force[:, 0] > 0) >= 14
 

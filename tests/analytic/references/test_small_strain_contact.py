@@ -202,7 +202,7 @@ def test_A17_bonded_strip(S: float, stiffness: float, elements: str) -> None:
 @pytest.mark.parametrize(("S", "stiffness"), DISC.items())
 def test_A17_bonded_disc(S: float, stiffness: float) -> None:
     """A disc, radius over twice the height S, as a wedge of two degrees around a hole of a thousandth of the radius."""
-    angle, n = np.radians(2.0), 16
+    angle, n = np.radians(2.0), 12
     part = block(
         "disc", [1e-3 + towards(1 - 1e-3, n), towards(0.25 / S, n), spaced(0, 1, 1)], Material(1.0, 0.49999, 1.0), "Q2", wedge(angle)
     )

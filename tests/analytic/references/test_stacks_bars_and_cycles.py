@@ -69,11 +69,11 @@ def test_a_billiard_ball_with_backspin() -> None:
 def test_bars_of_unlike_impedance_strike() -> None:
     """B. de Saint-Venant: steel on aluminium twice as long: v Z1 Z2 / (Z1 + Z2) while the wave goes to and fro in the first, then
     (Z1 - Z2) / (Z1 + Z2) of it."""
-    A, v, n = 0.02, 2.0, 300
+    A, v, n = 0.02, 2.0, 200
     laws = Material(2e11, 0.0, 7800.0), Material(7e10, 0.0, 2700.0)
     c = [float(np.sqrt(law.E / law.density)) for law in laws]
     z = [A * law.density * speed for law, speed in zip(laws, c, strict=True)]
-    bars = [rectangle(name, (k * 1.0, A), (60 * k, 1), laws[k - 1], plane="stress") for k, name in ((1, "steel"), (2, "aluminium"))]
+    bars = [rectangle(name, (k * 1.0, A), (40 * k, 1), laws[k - 1], plane="stress") for k, name in ((1, "steel"), (2, "aluminium"))]
     model = build_model([Body("steel", bars[0], translation=(-1.0, 0.0)), Body("aluminium", bars[1], translation=(1e-6, 0.0))])
     thrown = np.zeros(model.n_dofs)
     thrown[: model.dof_offset[1] : 2] = v
@@ -82,8 +82,8 @@ def test_bars_of_unlike_impedance_strike() -> None:
     steps = list(Simulation(model, Everything(model, mu=0.0), Theta(h, 0.5), n, initial=initial, witness=None))
     force = np.array([step.contact_force_on(1)[0] for step in steps])
     expected = v * z[0] * z[1] / (z[0] + z[1])
-    assert_allclose(np.median(force[10:140]), expected, rtol=0.01)
-    assert_allclose(np.median(force[170:285]), expected * (z[0] - z[1]) / (z[0] + z[1]), rtol=0.02)
+    assert_allclose(np.median(force[7:93]), expected, rtol=0.01)
+    assert_allclose(np.median(force[114:190]), expected * (z[0] - z[1]) / (z[0] + z[1]), rtol=0.02)
 
 
 @pytest.mark.parametrize(("mu", "nu"), [(0.3, 0.4), (0.1, 0.3)])
@@ -121,7 +121,7 @@ def test_a_slab_under_cycles_of_heat_ratchets() -> None:
     driven = Support("slab", ("x",), "x+", displacement=lambda t: 0.5 * np.interp(t, np.arange(49) / 8, eps))
     supports = [Support("slab", ("x",), "x-"), Support("slab", ("y",), at=(0.0, 0.0)), driven]
     model = build_model([Body("slab", slab)], supports=supports)
-    steps = list(Simulation(model, Everything(model, mu=0.0), QuasiStatic(1 / 8), 48))
+    steps = list(Simulation(model, Everything(model, mu=0.0), QuasiStatic(1 / 8), 32))
     assert_allclose([step.support_force(driven)[0] for step in steps[3:]], sp, rtol=3e-3)
 
 

@@ -9,7 +9,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial.transform import Rotation
 
-from fcsim.assembly import discretisation
+from fcsim import runtime
 from fcsim.assembly.loads import BodyForce, Force, Traction
 from fcsim.assembly.model import Model, build_model
 from fcsim.assembly.supports import Support
@@ -127,13 +127,13 @@ def test_a_turned_body_has_the_same_energies(part: Part, lumped: bool) -> None:
 def test_a_part_used_many_times_is_assembled_once(grid_part: GridPart, monkeypatch: pytest.MonkeyPatch) -> None:
     part = grid_part("hexahedron", (1, 1, 1), (1, 1, 1), STEEL)
     calls = []
-    original = discretisation._compiled
+    original = runtime.compiled_form
 
     def counted(form: Any) -> Any:
         calls.append(form)
         return original(form)
 
-    monkeypatch.setattr(discretisation, "_compiled", counted)
+    monkeypatch.setattr(runtime, "compiled_form", counted)
     model = build_model([Body(f"b{k}", part, translation=np.array([2.0 * k, 0, 0])) for k in range(5)])
     assert len(model.groups) == 1
     assert_array_equal(model.groups[0].first, 24 * np.arange(5))

@@ -142,3 +142,14 @@ def test_a_bar_in_a_notebook() -> None:
     outputs = notebook.cells[0].outputs
     assert any("application/vnd.jupyter.widget-view+json" in output.get("data", {}) for output in outputs)
     assert [output["text"] for output in outputs if output["output_type"] == "stream"] == ["[1, 2]\n"]
+
+
+def test_a_run_of_no_steps_is_not_sent_to_be_drawn(case_folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """`render` refuses what has no step, and yet it was named as the next command."""
+    arguments = ["run", str(case_folder), "--out", str(tmp_path / "out"), "--export-every", "0", "--vtk-every", "0"]
+    assert main([*arguments, "--steps", "0"]) == 0
+    assert "fcsim render" not in capsys.readouterr().out
+    assert main(["render", str(tmp_path / "out")]) == 2
+    assert "found nothing to draw" in capsys.readouterr().err
+    assert main([*arguments, "--steps", "1", "--overwrite"]) == 0
+    assert "fcsim render" in capsys.readouterr().out

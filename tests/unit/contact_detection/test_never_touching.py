@@ -1,11 +1,14 @@
 """Pairs that find nothing are named, and what falls through is ended by the witness."""
 
+import numpy as np
 import pytest
 
 from fcsim.assembly.model import build_model
 from fcsim.assembly.supports import Support
 from fcsim.contact_detection import Detector, SurfacePair
+from fcsim.contact_detection.never_touching import never_touching
 from fcsim.contact_detection.surfaces.model_surfaces import contact_surface
+from fcsim.contact_detection.surfaces.surface import CandidateRule
 from fcsim.errors import Penetration
 from fcsim.mesh.blocks import rigid_box, rigid_rectangle
 from fcsim.timestep.simulation import Simulation, SolverSettings
@@ -52,3 +55,19 @@ def test_what_is_right_is_not_remarked(d: int) -> None:
     steps = list(falling(("cube", side[0]), ("floor", side[1]), 1.0, d))
     assert not any(step.remarks for step in steps)
     assert steps[-1].penetration < 1e-9
+
+
+@pytest.mark.parametrize("rule", ["nodes", "faces", "gauss"])
+@pytest.mark.parametrize("over", [True, False])
+def test_a_facet_larger_than_the_master_may_have_a_candidate_over_it(rule: CandidateRule, over: bool) -> None:
+    """A table of 2 x 2 m, its top one facet, and a stone of 0.2 m on the candidate: a corner, the centre, a Gauss point."""
+    place = {"nodes": (1.0, 1.0), "faces": (0.0, 0.0), "gauss": (3**-0.5, 3**-0.5)}[rule]
+    x, y = place if over else (0.5 * place[0] + 0.3, 0.3 * place[1])  # elsewhere on the table
+    bodies = [rigid_box("table", (2, 2, 0.2), (0, 0, -0.1), 1.0), rigid_box("stone", (0.2, 0.2, 0.2), (x, y, 0.1), 1.0)]
+    model = build_model(bodies, supports=[Support("table", ("x", "y", "z", "rx", "ry", "rz"))])
+    slave, master = (contact_surface(model, [part]) for part in (("table", "z+"), ("stone", "z-")))
+    detector = Detector([SurfacePair(slave, master, 0.5, 1e-3, rule)], model.n_nodes)
+    positions = model.positions(np.zeros(model.n_dofs))
+    said = never_touching(detector.pairs, positions, [body.name for body in model.bodies])
+    assert (len(detector(positions)) > 0) == over
+    assert [("larger than the master" in text) for text in said] == ([] if over else [True])

@@ -19,7 +19,7 @@ def expected(tmp_path_factory: pytest.TempPathFactory) -> Any:
     return json.loads((folder / "0.json").read_text(encoding="utf-8"))
 
 
-@pytest.mark.parametrize("ranks", (2, 3))
+@pytest.mark.parametrize("ranks", [3, pytest.param(2, marks=pytest.mark.slow)])
 def test_parts_are_those_of_one_process(mpiexec: Program, tmp_path: Path, expected: Any, ranks: int) -> None:
     ended = mpiexec(ranks, Path(parts.__file__), tmp_path)
     assert ended.code == 0, ended.err

@@ -36,7 +36,7 @@ METHODS: dict[str, Mapping[str, object]] = {
 def simulation(name: str, steps: int) -> tuple[Simulation, dict[str, object]]:
     """The wall under its weight, and its sensors by column."""
     script = load_case(WALL)
-    case = script.build(parse_parameters(script, {"steps": str(steps), "gravity_last": "2", "divisions": "6,3,3"}))
+    case = script.build(parse_parameters(script, {"steps": str(steps), "gravity_last": "2", "divisions": "8,2,2"}))
     settings = SolverSettings(name=name, tol=TOLERANCE, options=METHODS[name], fallback=("NSN-AC",))
     return replace(case.simulation, solver=settings), {sensor.column: sensor.measure for sensor in case.sensors}
 

@@ -19,7 +19,7 @@ from fcsim.mesh.blocks import brick
 from fcsim.mesh.io import write_mesh
 from fcsim.mesh.material import Material
 from fcsim.mesh.part import Part
-from fcsim.running import outputs
+from fcsim.running import description, outputs
 from fcsim.running.checkpoint import read_checkpoint
 from fcsim.timestep.step import Step
 
@@ -199,6 +199,24 @@ def test_a_full_disk(folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPat
     monkeypatch.undo()
     assert main([*arguments, "--resume"]) == 0
     assert sorted(path.name[-10:] for path in (out / "fclib" / "global").iterdir()) == [f"{step:05d}.hdf5" for step in (1, 2, 3, 4)]
+
+
+def test_a_disk_without_room_for_a_run(
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """run.json fits, but not its room for the end: the file is named, and the run is not said to be running."""
+    out, arguments = tmp_path / "out", ["--export-every", "0", "--vtk-every", "0"]
+    limits, handler = resource.getrlimit(resource.RLIMIT_FSIZE), signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    monkeypatch.setattr(description, "SPARE", 1 << 22)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1 << 21, limits[1]))
+    try:
+        assert main(["run", str(folder), "--out", str(out), *arguments]) == 2
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+        signal.signal(signal.SIGXFSZ, handler)
+    assert "run.json: File too large" in capsys.readouterr().err
+    assert json.loads((out / "run.json").read_text())["status"] == "failed"
+    assert main(["run", str(folder), "--out", str(out), *arguments, "--resume"]) == 0
 
 
 def test_a_disk_that_fills_within_a_row(folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -65,6 +65,7 @@ def assert_closed(model: Model, steps: list[Step], kinetic: bool = True) -> None
     assert sums["tangential_dissipation"] > 1e-3 * scale
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("law", [Gap(), Velocity(0.0), Velocity(0.6)])
 @pytest.mark.parametrize("theta", [0.5, 0.7, 1.0])
 @pytest.mark.parametrize("lumped", [True, False])

@@ -1,7 +1,6 @@
 """Every material in motion: momentum, angular momentum and energy are kept, nothing is created, and what goes on gives the same bits."""
 
 from dataclasses import replace
-from itertools import islice
 from typing import Any
 
 import numpy as np
@@ -120,9 +119,7 @@ def test_balances(name: str, theta: float) -> None:
 def test_going_on_gives_the_same_bits(name: str) -> None:
     """From the moment after step 7, with the anchor of step 5; what a file of the run would hold."""
     whole = list(thrown(MATERIALS[name], 8))
-    simulation = thrown(MATERIALS[name], 8)
-    done = list(islice(simulation, 7))
-    rest = list(thrown(MATERIALS[name], 8).run(after=done[6].moment, anchor=done[4].moment))
+    rest = list(thrown(MATERIALS[name], 8).run(after=whole[6].moment, anchor=whole[4].moment))
     assert len(rest) == 1
     for one, other in zip(whole[7:], rest, strict=True):
         assert_array_equal(other.state.x, one.state.x)
@@ -135,7 +132,7 @@ ELASTIC = ["saint venant-kirchhoff", "neo-hooke", "neo-hooke isochoric", "mooney
 
 
 @pytest.mark.parametrize(
-    ("name", "turns"), [("neo-hooke", 2), *(pytest.param(name, 10, marks=pytest.mark.slow, id=f"{name}-10") for name in ELASTIC)]
+    ("name", "turns"), [("neo-hooke", 1), *(pytest.param(name, 10, marks=pytest.mark.slow, id=f"{name}-10") for name in ELASTIC)]
 )
 def test_free_spin_keeps_energy_and_angular_momentum(name: str, turns: int) -> None:
     """To 1e-8 (ten turns), started without centrifugal strain, so that the block breathes by 1 % as it turns, by 0.15 rad a step."""

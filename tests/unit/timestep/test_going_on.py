@@ -17,14 +17,14 @@ def linked(name: str, theta: float) -> fcsim.Simulation:
     model = fcsim.build_model(bodies)
     begun = fcsim.State(0.0, np.zeros(model.n_dofs), thrown(model))
     linkage = fcsim.Linkage(model, links)
-    return fcsim.Simulation(model, Nothing(model), fcsim.Theta(4e-3, theta=theta), 5, initial=begun, linkage=linkage, witness=None, keep=3)
+    return fcsim.Simulation(model, Nothing(model), fcsim.Theta(4e-3, theta=theta), 4, initial=begun, linkage=linkage, witness=None, keep=3)
 
 
 RUNS: dict[str, Callable[[], Any]] = {
     "hinge": lambda: linked("hinge of deformable bodies", 0.5),
     "hinge of rubber": lambda: linked("hinge of rubber", 0.5),
     "rod, theta 1": lambda: linked("rod of a rigid and a deformable body", 1.0),
-    "smooth contact": lambda: drawn(0.2, 5, h=0.5),
+    "smooth contact": lambda: drawn(0.2, 4, h=0.5),
     "smooth contact, steps of three facets": lambda: drawn(0.5, 4),
 }
 

@@ -128,7 +128,7 @@ def test_momentum_moment_of_momentum_and_energy_are_kept(name: str, apart: bool)
     """Momentum to 1e-12 and its moment to 1e-9, from the initial state on, whether its velocities agree with the joint or not; the balance
     of energy closes, a dashpot takes energy, no other link gives any but for the swing of the scheme's order, springs and what is linear
     in the nodes' places none at all."""
-    found, steps = flight(*LINKED[name], h=4e-3, steps=8, apart=apart)
+    found, steps = flight(*LINKED[name], h=4e-3, steps=5, apart=apart)
     assert np.abs(found - found[0])[:, :3].max() < 1e-12
     assert np.abs(found - found[0])[:, 3:].max() < 1e-9
     energies = [step.energy for step in steps]
@@ -184,7 +184,7 @@ def elastic_moments(steps: list[fcsim.Step], theta: float) -> np.ndarray:
 @pytest.mark.parametrize("name", [name for name in LINKED if "rubber" not in name])
 def test_at_other_theta_links_take_no_moment_of_momentum(name: str, theta: float) -> None:
     """Rigid bodies keep it to 1e-12 at any theta. Deformable ones lose it by their forces of strain, linked or not: nothing else does."""
-    done = moved(*LINKED[name], fcsim.Theta(4e-3, theta=theta), 8, 0.0, initial=lambda model: thrown(model, False))
+    done = moved(*LINKED[name], fcsim.Theta(4e-3, theta=theta), 5, 0.0, initial=lambda model: thrown(model, False))
     model = done[0].model
     begun = fcsim.State(0.0, np.zeros(model.n_dofs), thrown(model, False))
     found = np.array([momenta(model, begun), *(momenta(model, step.state) for step in done)])

@@ -11,7 +11,7 @@ from fcsim.assembly.model import Model, build_model
 from fcsim.assembly.supports import Support
 from fcsim.contact_detection import Detector, SurfacePair
 from fcsim.contact_detection.surfaces.model_surfaces import contact_surface
-from fcsim.mesh.blocks import brick, rectangle, rigid_box, rigid_rectangle
+from fcsim.mesh.blocks import rectangle, rigid_rectangle
 from fcsim.mesh.material import Material
 from fcsim.mesh.part import Body
 from fcsim.timestep.generalised_alpha import GeneralisedAlpha
@@ -20,24 +20,7 @@ from fcsim.timestep.scheme import Scheme
 from fcsim.timestep.simulation import Simulation
 from fcsim.timestep.state import State
 from fcsim.timestep.theta import Theta
-
-FAR = 1e3
-
-
-def spinning(d: int, omega: float, E: float, **options: Any) -> tuple[Model, State]:
-    """A block that turns about no axis of inertia with |omega| [rad/s], and a rigid one that nothing touches."""
-    material = Material(E, 0.3, 1000.0)
-    if d == 3:
-        part, far = brick("b", (0.4, 0.2, 0.1), (3, 2, 1), material), rigid_box("far", (1, 1, 1), (FAR, 0, 0), 1.0)
-    else:
-        part, far = rectangle("b", (0.4, 0.2), (4, 2), material), rigid_rectangle("far", (1, 1), (FAR, 0), 1.0)
-    held = Support("far", ("x", "y", "rz") if d == 2 else ("x", "y", "z", "rx", "ry", "rz"))
-    model = build_model([Body("block", part), far], supports=[held], **options)
-    X = part.points - part.points.mean(axis=0)
-    axis = omega * (np.array([2.0, 1.0, 2.0]) / 3 if d == 3 else np.array([0, 0, 1.0]))
-    v = np.zeros(model.n_dofs)
-    v[: model.n_elastic] = np.cross(axis, np.column_stack([X, np.zeros((len(X), 3 - d))]))[:, :d].ravel()
-    return model, State(0.0, np.zeros(model.n_dofs), v)
+from tests.unit.timestep.free_spin import FAR, angular_momentum, spinning
 
 
 def simulation(model: Model, state: State, scheme: Scheme, steps: int, **options: Any) -> Simulation:
@@ -46,21 +29,12 @@ def simulation(model: Model, state: State, scheme: Scheme, steps: int, **options
     return Simulation(model, detector, scheme, steps, initial=state, **options)
 
 
-def angular_momentum(model: Model, state: State) -> np.ndarray:
-    """About the origin, (3,): of the deformable bodies."""
-    d, n = model.dimension, model.n_elastic
-    zeros = np.zeros((n // d, 3 - d))
-    arm = np.column_stack([model.reference.ravel()[:n].reshape(-1, d) + state.x[:n].reshape(-1, d), zeros])
-    momentum = np.column_stack([model.apply_mass(state.v)[:n].reshape(-1, d), zeros])
-    return np.cross(arm, momentum).sum(axis=0)
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("lumped", [True, False])
 @pytest.mark.parametrize("d", [2, 3])
 def test_free_spin_keeps_energy_and_angular_momentum_over_ten_turns(d: int, lumped: bool) -> None:
     """Started without centrifugal strain, so that the block vibrates too; the step is a quarter of a radian, and its axis moves in 3D."""
-    model, start = spinning(d, 20.0, 1e7, lumped=lumped)
+    model, start = spinning(Material(1e7, 0.3, 1000.0), 20.0, d, lumped=lumped)
     energy, momentum = 0.5 * start.v @ model.apply_mass(start.v), angular_momentum(model, start)
     turns, before = 0.0, np.eye(d)
     for step in simulation(model, start, Theta(0.0125), int(10 * 2 * np.pi / 20 / 0.0125) + 1):
@@ -75,7 +49,7 @@ def test_free_spin_keeps_energy_and_angular_momentum_over_ten_turns(d: int, lump
 
 @pytest.mark.parametrize("scheme", [Theta(2e-3, 0.7), GeneralisedAlpha(2e-3, 0.6)], ids=["theta", "generalised alpha"])
 def test_balance_of_energy_closes_with_dissipation(scheme: Scheme) -> None:
-    model, start = spinning(3, 20.0, 1e7, beta=1e-3)
+    model, start = spinning(Material(1e7, 0.3, 1000.0), 20.0, 3, beta=1e-3)
     energy = 0.5 * start.v @ model.apply_mass(start.v)
     for step in simulation(model, start, scheme, 60):
         assert abs(step.energy.residual) < 1e-9 * energy
@@ -107,7 +81,7 @@ def test_steady_spin_has_the_centrifugal_stretch() -> None:
 
 def test_guards_name_once_and_stop() -> None:
     """A linear body that spins: said from 2 degrees on, once, and ended beyond 10; the last step is yielded."""
-    model, start = spinning(2, 10.0, 1e9, kinematics="linear")
+    model, start = spinning(Material(1e9, 0.3, 1000.0), 10.0, kinematics="linear")
     done = []
     with pytest.raises(KinematicsLeft, match=r"step \d+, t = .* s: body 'block' of linear kinematics has turned by 1[01].* allowed are 10"):
         for step in simulation(model, start, Theta(1e-3), 100):
@@ -121,7 +95,7 @@ def test_guards_name_once_and_stop() -> None:
 
 def test_strain_stops_a_turning_body() -> None:
     """Rubber that is too soft for its spin, E far below rho w^2 L^2: named at 5 %, ended at 20 %."""
-    model, start = spinning(2, 50.0, 3e4)
+    model, start = spinning(Material(3e4, 0.3, 1000.0), 50.0)
     done = []
     with pytest.raises(KinematicsLeft, match=r"body 'block' (is strained by|has an inverted cell)"):
         for step in simulation(model, start, Theta(1e-3), 200):

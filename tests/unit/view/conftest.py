@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -246,3 +247,11 @@ def run_directory(tmp_path_factory):
     directory = tmp_path_factory.mktemp("run")
     write_run(directory, divisions=4)
     return directory
+
+
+@pytest.fixture
+def small_pictures(monkeypatch):
+    """Pictures with a fifth of the width, for tests of which there are and what they do not warn of: pixels take most of the time."""
+    from fcsim.view.scene import Scene
+
+    monkeypatch.setattr("fcsim.view.pictures.Scene", partial(Scene, width=300))

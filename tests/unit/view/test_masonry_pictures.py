@@ -28,6 +28,7 @@ def stone_on_ground(size: tuple[float, float, float], dimension: int) -> Masonry
     return MasonryProblem("stone", dimension, (ground, box("stone", (0.0, 0.0, 0.0), size, density=2000.0)), mu=0.5)
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("size", [(1.0, 1.0, 40.0), (1.0, 1.0, 1.0), (40.0, 1.0, 1.0), (1.0, 40.0, 1.0)])
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_blocks_of_any_proportions_are_within_their_picture(size: tuple[float, float, float], dimension: int, tmp_path: Path) -> None:
@@ -48,3 +49,18 @@ def test_the_title_of_a_crack_map_is_whole(size: tuple[float, float, float], tmp
         image = imread(drawn)[..., :3].min(axis=2)
         assert image[0].min() > 0.9 and image[:, 0].min() > 0.9 and image[:, -1].min() > 0.9
         assert image[:40].min() < 0.5, "it is there"
+
+
+@pytest.mark.parametrize(("support", "least"), [(0.2, 0.2), (3.0, 0.5)])
+def test_a_crack_map_shows_supports(support: float, least: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A lintel of 2 m on two supports beside its ends: they were cut off; of a large ground the part beside the lintel is enough."""
+    posts = [box(name, (x, 0.0, -support), (support, 1.0, support), support=True) for name, x in (("left", -support), ("right", 2.0))]
+    problem = MasonryProblem("lintel", 2, (*posts, box("lintel", (0.0, 0.0, 0.0), (2.0, 1.0, 0.3), density=2000.0)), mu=0.5)
+    model, _ = structure(problem)
+    drawn = []
+    monkeypatch.setattr("fcsim.view.cracks.save", lambda drawing, path: drawn.append(drawing) or path)
+    draw_cracks(problem, model, np.zeros(model.n_dofs), (), tmp_path / "cracks.png", "a lintel")
+    axes = drawn[0].axes[0]
+    (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
+    assert left <= -least and right >= 2.0 + least and bottom <= -least and top > 0.3
+    assert right - left <= 2.0 * (1.0 + 2 * 0.25 + 0.15), "the lintel stays large"

@@ -14,6 +14,7 @@ from fcsim.view import render
 from fcsim.view.scene import read
 
 pytest.importorskip("pyvista")
+pytestmark = pytest.mark.usefixtures("small_pictures")
 SCRIPT = """
 from dataclasses import dataclass
 
@@ -144,6 +145,6 @@ def test_what_a_disk_rolls_on_from_is_no_crack_and_what_a_box_rocks_on_is(tmp_pa
     for sides in (64, 4):
         run = tmp_path / str(sides)
         steps = 60 if sides == 64 else 10
-        run_case(load_case(tmp_path / "rolls"), {"sides": str(sides), "steps": str(steps)}, run, RunOptions(export_every=0, vtk_every=1))
+        run_case(load_case(tmp_path / "rolls"), {"sides": str(sides), "steps": str(steps)}, run, RunOptions(export_every=0, vtk_every=5))
         found[sides] = {path.name for path in render(run, film=None) if path.parent.name == "pictures"}
     assert "cracks.png" not in found[64] and "cracks.png" in found[4]

@@ -8,6 +8,7 @@ import sys
 from dataclasses import replace
 from itertools import combinations, pairwise
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -24,7 +25,7 @@ from fcsim.view import SeriesWriter, render, scene
 from fcsim.view.film import film_instants, write_film
 from fcsim.view.joints import find_joints
 from fcsim.view.joints.draw import crack_colours
-from fcsim.view.pictures import contact_figure, crack_figure, instants_figure, stress_figure, stress_frames, write_pictures
+from fcsim.view.pictures import contact_figure, crack_figure, describe, instants_figure, stress_figure, stress_frames, write_pictures
 from fcsim.view.plots import _sides, contact_plot, convergence_plot, energy_plot, history_plot, phase_plot, reaction_plot, write_plots
 from fcsim.view.style import BLUE, RED, STYLE, matplotlib, prefixed, save
 
@@ -150,6 +151,16 @@ def test_the_title_states_time_displacement_and_factor(run_directory):
     assert texts[1] == "t = 0.500 s   ·   imposed displacement −0.450 mm   ·   displacements × 50"
 
 
+@pytest.mark.parametrize("value", [-0.0, -1e-9])
+def test_what_rounds_to_nothing_has_no_sign(run_directory, value):
+    """The wall before it is sheared was said to be so along -x by "−0.000 m"."""
+    run = open_run(run_directory)
+    numbers = np.array([value, 1.0])
+    told = SimpleNamespace(description=run.description, plots=run.plots, at=lambda name, t: value, numbers=lambda name: numbers)
+    said = describe(told, SimpleNamespace(survey=SimpleNamespace(exaggeration=1.0)), run.instants[-1])
+    assert "imposed displacement 0.000 m" in said
+
+
 def test_no_text_of_the_instants_covers_another_or_leaves_the_page(run_directory):
     run = open_run(run_directory)
     imposed = replace(run.plots.imposed, label="imposed displacement of the upper platen of the wall along -x")
@@ -190,7 +201,7 @@ def test_stress_colours_are_those_of_the_colour_bar(fake, tmp_path):
     assert share(image, softest, 3) > 0.01 and share(image, hardest, 3) > 0.003
 
 
-def test_rigid_bodies_alone_are_drawn(run_directory, tmp_path):
+def test_rigid_bodies_alone_are_drawn(run_directory, tmp_path, small_pictures):
     shutil.copytree(run_directory, tmp_path / "run")
     collection = tmp_path / "run/vtk/run.pvd"
     write_collection(collection, [entry for entry in read_collection(collection) if entry.series != "blocks"])

@@ -129,7 +129,7 @@ def test_curves_are_the_columns(run_directory):
     np.testing.assert_allclose(np.array(reaction["curves"][0]["values"]) * factor, run.numbers(run.plots.reaction[0].column))
 
 
-def test_the_page_is_one_file_that_asks_for_nothing(run_directory, tmp_path):
+def test_the_page_is_one_file_that_asks_for_nothing(run_directory, tmp_path, small_pictures):
     directory = tmp_path / "run"
     shutil.copytree(run_directory, directory)
     files = render(directory, film=None, page=True)

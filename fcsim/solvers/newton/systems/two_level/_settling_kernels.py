@@ -21,6 +21,16 @@ def weighted(F, weight):
 
 
 @njit(cache=True, nogil=True)
+def went(x, t, dx):
+    """x + t dx for x and dx (n, d), in a loop: an expression of arrays is compiled anew at each place, with the text of its refusals."""
+    to = np.empty(x.shape)
+    for a in range(x.shape[0]):
+        for i in range(x.shape[1]):
+            to[a, i] = x[a, i] + t * dx[a, i]
+    return to
+
+
+@njit(cache=True, nogil=True)
 def settle_patch(W, u, r, mu, rho, weight, most, falls, leaps, edge, eased):
     """Reactions (n, d) from (u, r) with u moving by W times what they move by, by at most `most` iterations of Newton's method on Alart and
     Curnier's F; steps are halved until ||weight F|| falls by a hundredth of them, it ends where that is `falls` of what it was. Where no
@@ -48,7 +58,7 @@ def settle_patch(W, u, r, mu, rho, weight, most, falls, leaps, edge, eased):
         dr, du, t = step.reshape(n, d), np.dot(W, step).reshape(n, d), 1.0
         found = False
         while t > 1e-3 and not found:
-            F, A, B = disk_equations(u + t * du, r + t * dr, mu, rho, ALART_CURNIER)
+            F, A, B = disk_equations(went(u, t, du), went(r, t, dr), mu, rho, ALART_CURNIER)
             after = weighted(F, weight)
             found = after <= (1 - 0.01 * t) * size
             if not found:
@@ -57,9 +67,9 @@ def settle_patch(W, u, r, mu, rho, weight, most, falls, leaps, edge, eased):
             if leaps == 0:
                 break
             leaps, t = leaps - 1, 1.0
-            F, A, B = disk_equations(u + du, r + dr, mu, rho, ALART_CURNIER)
+            F, A, B = disk_equations(went(u, t, du), went(r, t, dr), mu, rho, ALART_CURNIER)
             after = weighted(F, weight)
-        u, r, size = u + t * du, r + t * dr, after
+        u, r, size = went(u, t, du), went(r, t, dr), after
         if size < least:
             best, least = r, size
     return best

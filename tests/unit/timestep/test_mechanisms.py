@@ -1,0 +1,73 @@
+"""Statics of soft blocks on pins: what links leave free is named by its body and its motion, what they hold is not."""
+
+import re
+
+import numpy as np
+import pytest
+
+import fcsim
+from fcsim.errors import InputError
+from fcsim.linkage import Ball, Linkage, without_contact_of
+from fcsim.mesh import Body, Material, brick, rectangle
+from fcsim.timestep.chain import NotConverged
+from fcsim.timestep.limits import KinematicsLeft
+
+
+def pinned(places: list[tuple[float, ...]], *, unit: float = 1.0, kinematics: str = "linear", scheme: object = None) -> fcsim.Simulation:
+    """Two soft blocks of 1 m side by side, the first held at its far side, the second on balls at `places`, bent down by its weight."""
+    d = len(places[0])
+    material, size, cells = Material(1e6 / unit, 0.3, 100.0 / unit**3), (unit,) * d, (2,) * d
+    one, other = (brick(name, size, cells, material) if d == 3 else rectangle(name, size, cells, material) for name in ("one", "other"))
+    bodies = [Body("one", one), Body("other", other, translation=(unit, *(0.0,) * (d - 1)))]
+    held = fcsim.Support("one", ("x", "y", "z")[:d], "x-")
+    model = fcsim.build_model(bodies, supports=[held], gravity=lambda t: (*(0.0,) * (d - 1), -9.81 * unit), kinematics=kinematics)
+    linkage = Linkage(model, [Ball(f"pin {k}", "one", "other", tuple(unit * x for x in place)) for k, place in enumerate(places)])
+    detection = without_contact_of(fcsim.Everything(model, mu=0.3), model, [("one", "other")])
+    return fcsim.Simulation(model, detection, scheme or fcsim.QuasiStatic(1.0, 1e-6), 1, linkage=linkage, witness=None)
+
+
+LINE = [(1.0, 0.0, 0.0), (1.0, 0.5, 0.0), (1.0, 1.0, 0.0)]
+
+
+def said(simulation: fcsim.Simulation) -> list[str]:
+    state = fcsim.State(0.0, np.zeros(simulation.model.n_dofs), np.zeros(simulation.model.n_dofs))
+    return [remark for remark in simulation._opening(state) if "mechanism" in remark]
+
+
+@pytest.mark.parametrize("unit", [1.0, 1e3])
+def test_three_balls_on_a_line_are_a_hinge_and_end_the_run_with_its_line(unit: float) -> None:
+    """The block turned by 90 degrees and was told to turn freely: `kinematics="turning"`."""
+    through = f"({unit:.4g}, {0.5 * unit:.4g}, 0)"
+    where = re.escape(f"body 'other' free beside 'one', to turn about the line through {through} m along (0, 1, 0)")
+    with pytest.raises(KinematicsLeft, match=where):
+        list(pinned(LINE, unit=unit))
+    with pytest.raises(NotConverged, match=where):
+        list(pinned(LINE, unit=unit, kinematics="turning"))
+
+
+def test_a_hinge_without_a_load_is_named_too() -> None:
+    """Two balls above each other: gravity has no moment about their line, so linear kinematics have an answer; turning ones have none."""
+    places = [(1.0, 0.5, 0.0), (1.0, 0.5, 1.0)]
+    (text,) = said(pinned(places))
+    assert "turn about the line through (1, 0.5, 0.5) m along (0, 0, 1): " in text
+    with pytest.raises(NotConverged, match="a mechanism without stiffness"):
+        list(pinned(places, kinematics="turning"))
+
+
+def test_one_ball_leaves_three_turns_and_a_pin_of_the_plane_one() -> None:
+    (text,) = said(pinned([(1.0, 0.5, 0.5)]))
+    assert "one of 3 such motions" in text
+    (text,) = said(pinned([(1.0, 0.25)]))
+    assert "turn about (1, 0.25) m: " in text
+
+
+@pytest.mark.parametrize("places", [[(1.0, 0.0, 0.0), (1.0, 1.0, 0.0), (1.0, 0.5, 1.0)], [(1.0, 0.0), (1.0, 1.0)]])
+def test_what_links_hold_has_no_mechanism(places: list[tuple[float, ...]]) -> None:
+    assert not said(pinned(places))
+    assert len(list(pinned(places))) == 1
+
+
+def test_dynamics_follow_it() -> None:
+    assert not said(pinned(LINE, scheme=fcsim.Theta(1e-2)))
+    with pytest.raises(InputError):
+        pinned([(3.0, 0.0, 0.0)])
