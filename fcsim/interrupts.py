@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -20,6 +21,10 @@ _LATER = 0.01
 """[s] After which a signal that came where an exception is forgotten is heard again."""
 
 
+_heard = threading.Event()
+"""Set once a signal has raised `Ended`."""
+
+
 class Ended(KeyboardInterrupt):
     """A polite end from outside; `by` says whose."""
 
@@ -30,6 +35,7 @@ class Ended(KeyboardInterrupt):
 
 def _end(number: int, frame: FrameType | None) -> None:
     if not _forgets(frame):
+        _heard.set()
         raise Ended(ENDING[signal.Signals(number)])
     main = threading.main_thread().ident
     assert main is not None
@@ -51,7 +57,17 @@ def _forgets(frame: FrameType | None) -> bool:
 @contextmanager
 def ended_politely() -> Iterator[None]:
     """SIGTERM, and SIGINT and SIGHUP unless they are ignored (nohup, jobs in the background), raise `Ended` within the block; a reader that
-    left raises BrokenPipeError instead of killing."""
+    left raises BrokenPipeError instead of killing. What an `__init__` that was so ended left without its attributes goes without a word:
+    its `__del__` misses them, as LLVM's values do while a kernel is compiled."""
+    _heard.clear()
+    told = sys.unraisablehook
+
+    def hook(dropped: sys.UnraisableHookArgs) -> None:
+        half_made = isinstance(dropped.exc_value, AttributeError) and getattr(dropped.object, "__name__", "") == "__del__"
+        if not (half_made and _heard.is_set()):
+            told(dropped)
+
+    sys.unraisablehook = hook
     before = {number: signal.getsignal(number) for number in (*ENDING, signal.SIGPIPE)}
     for number in ENDING:
         if number == signal.SIGTERM or before[number] != signal.SIG_IGN:
@@ -62,6 +78,7 @@ def ended_politely() -> Iterator[None]:
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
+        sys.unraisablehook = told
 
 
 @contextmanager

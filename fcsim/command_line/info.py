@@ -46,6 +46,10 @@ def _model(options: argparse.Namespace) -> int:
 
     from fcsim.masonry import read_model
 
+    if options.draw is not None:
+        from fcsim.view.style import refuse_picture
+
+        refuse_picture(options.draw)
     problem = read_model(options.file, scale=options.scale, array=options.array)
     free = [block for block in problem.blocks if not block.support]
     volumes = np.array([block.surface.moments()[0] for block in free])

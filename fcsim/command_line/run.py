@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import inspect
 import shlex
 from contextlib import nullcontext
 from dataclasses import asdict, fields
@@ -109,10 +110,15 @@ def _run(options: argparse.Namespace) -> int:
 
 def _list_parameters(script: CaseScript) -> None:
     defaults = script.parameters()
-    if answer({"case": script.name, "parameters": asdict(defaults)}):
+    about = inspect.getdoc(script.parameters) or ""
+    if about.startswith(f"{script.parameters.__name__}("):  # what dataclasses say of themselves
+        about = ""
+    if answer({"case": script.name, "about": about, "parameters": asdict(defaults)}):
         return
     for parameter in fields(script.parameters):
         say(f"{parameter.name:20s} {getattr(defaults, parameter.name)}")
+    if about:
+        say(f"\n{about}")
 
 
 def _print_summary(summary: Summary, directory: Path) -> None:

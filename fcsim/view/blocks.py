@@ -10,7 +10,7 @@ import numpy as np
 from fcsim.arrays import FloatArray, IntArray
 from fcsim.masonry.problem import MasonryProblem
 from fcsim.view.scene import offscreen
-from fcsim.view.style import figure, save
+from fcsim.view.style import figure, refuse_picture, save
 
 if TYPE_CHECKING:
     from types import ModuleType
@@ -21,7 +21,11 @@ HELD, FREE = "#9a9a9a", "#e8dcc8"
 
 
 def draw_blocks(problem: MasonryProblem, path: Path) -> Path:
-    """Draw the blocks into a .png file: a wall from its front, others from above; MissingDependency without pyvista."""
+    """Draw the blocks into a picture (`KINDS`): a wall from its front, others from above.
+
+    InputError for a path of another suffix, MissingDependency without pyvista.
+    """
+    refuse_picture(path)
     pv = offscreen()
     plotter = canvas(pv)
     free = []

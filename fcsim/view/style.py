@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from fcsim.errors import MissingDependency
+from fcsim.errors import InputError, MissingDependency
 from fcsim.files import replacing
 from fcsim.runtime import without_local_options
 
@@ -55,6 +55,10 @@ PREFIXES = {
 LEAST = {"m": 0.0999, "Pa": 0.0999}  # 0.36 mm and 0.45 MPa rather than 360 µm and 450 kPa
 
 
+KINDS = (".png", ".jpg", ".svg", ".pdf")
+"""Of pictures whose name is the user's."""
+
+
 def matplotlib() -> ModuleType:
     """Return the matplotlib package; MissingDependency where it is absent."""
     try:
@@ -95,11 +99,17 @@ def legend_below(drawing: Figure, most: int, **options: object) -> None:
         legend.remove()
 
 
+def refuse_picture(path: Path) -> None:
+    """InputError where the path's suffix is that of no picture."""
+    if path.suffix.lower() not in KINDS:
+        raise InputError(f"{path}: expected the name of a picture, {', '.join(KINDS)}, got {path.suffix or 'no suffix'}")
+
+
 def save(drawing: Figure, path: Path) -> Path:
     """Write a figure, in the format of the path's suffix, under a temporary name and rename it."""
     path.parent.mkdir(parents=True, exist_ok=True)
     with replacing(path) as temporary:
-        drawing.savefig(temporary, format=path.suffix[1:])
+        drawing.savefig(temporary, format=path.suffix[1:].lower())
     return path
 
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import gc
 import signal
+import sys
 import time
 from collections.abc import Callable
 from weakref import WeakKeyDictionary
@@ -49,3 +51,41 @@ def test_ctrl_c_is_heard_where_python_forgets_what_is_raised(when: Callable[[], 
     with ended_politely(), pytest.raises(Ended, match="the keyboard"):
         when()
         time.sleep(5)
+
+
+class _Value:
+    """As LLVM's in Python: what `__del__` gives back is what `__init__` got."""
+
+    def __init__(self, takes: Callable[[], None]) -> None:
+        takes()
+        self.handle = 1
+
+    def __del__(self) -> None:
+        assert self.handle
+
+
+def _interrupted() -> None:
+    signal.raise_signal(signal.SIGINT)
+
+
+def _refused() -> None:
+    raise ValueError("no room")
+
+
+def test_what_an_interrupt_left_half_made_goes_without_a_word(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Ctrl-C while a kernel was compiled could print a traceback: 'ValueRef' object has no attribute '_as_parameter_'."""
+    told: list[object] = []
+    monkeypatch.setattr(sys, "unraisablehook", lambda dropped: told.append(dropped.exc_type))
+    with ended_politely():
+        with pytest.raises(ValueError, match="no room"):
+            _Value(_refused)
+        gc.collect()
+        assert told == [AttributeError], "without an interrupt it is told as ever"
+        with pytest.raises(Ended):
+            _Value(_interrupted)
+        gc.collect()
+    assert told == [AttributeError]
+    with pytest.raises(ValueError, match="no room"):
+        _Value(_refused)
+    gc.collect()
+    assert told == [AttributeError, AttributeError], "nor afterwards"

@@ -139,6 +139,17 @@ def test_parameters_are_listed(case_folder: Path, capsys: pytest.CaptureFixture[
     assert listed["E"] == "10000000.0" and listed["divisions"] == "(2, 2, 1)"
 
 
+def test_parameters_are_listed_with_what_they_are(case_folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """`tilt 0.0` of a model of blocks did not say that it is degrees a second."""
+    script, head = case_folder / "two_blocks.py", "class Parameters:\n"
+    text = script.read_text(encoding="utf-8")
+    script.write_text(text.replace(head, head + '    """E: stiffness [Pa]\n    of both."""\n', 1), encoding="utf-8")
+    assert main(["run", str(case_folder), "--parameters"]) == 0
+    assert capsys.readouterr().out.endswith("\n\nE: stiffness [Pa]\nof both.\n")
+    assert main(["run", str(case_folder), "--parameters", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["about"] == "E: stiffness [Pa]\nof both."
+
+
 def test_solve_prints_json(problem_file: Path, capsys: pytest.CaptureFixture[str]) -> None:
     capsys.readouterr()
     content = read_fclib(problem_file)

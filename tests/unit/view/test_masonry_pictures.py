@@ -5,7 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fcsim.masonry import Block, MasonryProblem, structure
+from fcsim.command_line.main import main
+from fcsim.masonry import Block, MasonryProblem, structure, write_masonry
 from fcsim.mesh.solids.closed_surface import closed_surface
 
 pytest.importorskip("pyvista")
@@ -64,3 +65,19 @@ def test_a_crack_map_shows_supports(support: float, least: float, tmp_path: Path
     (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
     assert left <= -least and right >= 2.0 + least and bottom <= -least and top > 0.3
     assert right - left <= 2.0 * (1.0 + 2 * 0.25 + 0.15), "the lintel stays large"
+
+
+@pytest.mark.parametrize("name", ["stone", "stone.xyz"])
+def test_a_picture_of_no_known_kind_is_refused(name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """`info --draw` ended in a traceback of matplotlib's."""
+    write_masonry(tmp_path / "m.json", stone_on_ground((1.0, 1.0, 1.0), 3))
+    assert main(["info", str(tmp_path / "m.json"), "--draw", str(tmp_path / name)]) == 2
+    said = capsys.readouterr()
+    assert "expected the name of a picture, .png, .jpg, .svg, .pdf" in said.err and not said.out
+    assert not (tmp_path / name).exists()
+
+
+@pytest.mark.parametrize(("name", "begins"), [("a.jpg", b"\xff\xd8"), ("a.PNG", b"\x89PNG"), ("a.pdf", b"%PDF")])
+def test_the_suffix_says_the_kind(name: str, begins: bytes, tmp_path: Path) -> None:
+    drawn = draw_blocks(stone_on_ground((1.0, 1.0, 1.0), 3), tmp_path / name)
+    assert drawn.read_bytes().startswith(begins)
