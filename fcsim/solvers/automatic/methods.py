@@ -233,8 +233,8 @@ def proximal(race: Race, monitor: ShareOfMonitor) -> Turns:
 
 
 def proximal_from_zero(race: Race, monitor: ShareOfMonitor) -> Turns:
-    """Proximal Newton from r = 0 with its own options; of spheres with another metric, which may solve what the first one does not."""
-    options = replace(PROXIMAL_OF_UNLIKE if in_spheres(race) else PROXIMAL_NEWTON, max_iterations=race.options.max_iterations)
+    """Proximal Newton from r = 0 by looser inner problems, of spheres by another metric: it may solve what the first one does not."""
+    options = replace(PROXIMAL_OF_UNLIKE if in_spheres(race) else PROXIMAL_ON_SPRINGS, max_iterations=race.options.max_iterations)
     return proximal_turns(race.problem, np.zeros_like(race.start), monitor, options)
 
 
