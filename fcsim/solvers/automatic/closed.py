@@ -54,6 +54,11 @@ def in_single_points(race: Race) -> bool:
     return race.single
 
 
+def in_spheres(race: Race) -> bool:
+    """Whether bodies in space touch in single points and are not eliminated, as in beds of spheres."""
+    return race.problem.dimension == 3 and not race.prices.in_velocities and race.joints is None and in_single_points(race)
+
+
 def _row_patterns(W: sp.bsr_array) -> int:
     """Patterns of W's rows of blocks, none empty: each is told by the sum of numbers drawn for its columns."""
     drawn = np.random.default_rng(0).integers(2**62, size=len(W.indptr) - 1)

@@ -347,10 +347,11 @@ def test_sweeps_and_admm_spend_little_beside_an_interior_point_in_beds(
     changes: dict[str, Any], begun: bool, sweeps: float, admm: float
 ) -> None:
     runners = {"sweeps": STILL, "proximal Newton": newton(), "splitting": Shown(best=2e-3)}
-    runners |= {"interior point": Shown()} if begun else {}
-    race = state(runners=runners, **{"holds": 0.91, "best": NEAR, **changes})
-    assert stage("sweeps").share(race) == sweeps
-    assert stage("splitting").share(race) == admm
+    for other in ("interior point", "paths"):
+        begins = {other: Shown()} if begun else {}
+        race = state(runners=runners | begins, **{"holds": 0.91, "best": NEAR, **changes})
+        assert stage("sweeps").share(race) == sweeps
+        assert stage("splitting").share(race) == admm
 
 
 @pytest.mark.parametrize(("changes", "share"), [({}, 0.1), ({"in_velocities": False}, 1.0), ({"joints": object()}, 1.0)])
