@@ -151,3 +151,10 @@ def kept(race: Race) -> bool:
     a sparse W whose bodies are not eliminated, as in beds of grains in motion, where the start says little."""
     loose = race.problem.nc <= KEPT_UP_TO and race.joints is None
     return loose and (not race.warm or (sp.issparse(race.problem.W) and not race.prices.in_velocities))
+
+
+def small_and_elastic(race: Race) -> bool:
+    """Whether it is a step of few contacts between bodies of which an elastic one is some: W is dense, in no joints, no bodies' velocities
+    stand behind it, and a memory goes from step to step."""
+    dense = race.joints is None and isinstance(race.problem.W, np.ndarray) and race.problem.delassus.motion is None
+    return dense and race.monitor.memory is not None

@@ -54,7 +54,7 @@ OWN, OWN_COMPILED = 25_000, 7500
 COMPILED, COMPILED_2D = 0.6, 0.85
 """Such an iteration up to 600 velocities, compiled, its places planned once, over its count: measured 0.33 to 0.65 where sweeps, ADMM and
 interior points are 0.8 to 1.1 of theirs (walls, towers, boxes, nearly singular piles, rocks, large friction; 100 to 300 contacts). In the
-plane, where few contacts are few operations, 0.65, but an interior point 0.75 too (arches): what counts is what the one takes for the other."""
+plane 0.65, but an interior point 0.75 too (arches): what counts is what the one takes for the other."""
 NORMED = 40
 """How often W is read for its norm, by 20 to 30 products from Python, before ADMM's first iteration."""
 SHARES, PRODUCTS = 8, 3
