@@ -158,3 +158,8 @@ def small_and_elastic(race: Race) -> bool:
     stand behind it, and a memory goes from step to step."""
     dense = race.joints is None and isinstance(race.problem.W, np.ndarray) and race.problem.delassus.motion is None
     return dense and race.monitor.memory is not None
+
+
+def elastic(race: Race) -> bool:
+    """Whether elastic bodies touch in joints, or in few contacts in a step."""
+    return elastic_joints(race) or small_and_elastic(race)
