@@ -54,6 +54,11 @@ def in_single_points(race: Race) -> bool:
     return race.single
 
 
+def in_spheres(race: Race) -> bool:
+    """Whether bodies in space touch in single points and are not eliminated, as in beds of spheres."""
+    return race.problem.dimension == 3 and not race.prices.in_velocities and race.joints is None and in_single_points(race)
+
+
 def _row_patterns(W: sp.bsr_array) -> int:
     """Patterns of W's rows of blocks, none empty: each is told by the sum of numbers drawn for its columns."""
     drawn = np.random.default_rng(0).integers(2**62, size=len(W.indptr) - 1)
@@ -146,3 +151,15 @@ def kept(race: Race) -> bool:
     a sparse W whose bodies are not eliminated, as in beds of grains in motion, where the start says little."""
     loose = race.problem.nc <= KEPT_UP_TO and race.joints is None
     return loose and (not race.warm or (sp.issparse(race.problem.W) and not race.prices.in_velocities))
+
+
+def small_and_elastic(race: Race) -> bool:
+    """Whether it is a step of few contacts between bodies of which an elastic one is some: W is dense, in no joints, no bodies' velocities
+    stand behind it, and a memory goes from step to step."""
+    dense = race.joints is None and isinstance(race.problem.W, np.ndarray) and race.problem.delassus.motion is None
+    return dense and race.monitor.memory is not None
+
+
+def elastic(race: Race) -> bool:
+    """Whether elastic bodies touch in joints, or in few contacts in a step."""
+    return elastic_joints(race) or small_and_elastic(race)

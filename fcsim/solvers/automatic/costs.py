@@ -51,6 +51,10 @@ RUNNING_STEPS = 80
 since it mostly needs more iterations than expected."""
 OWN, OWN_COMPILED = 25_000, 7500
 """Operations of a contact's own equations in such an iteration in the bodies' velocities, as measured: 1 and 0.3 microseconds."""
+COMPILED, COMPILED_2D = 0.6, 0.85
+"""Such an iteration up to 600 velocities, compiled, its places planned once, over its count: measured 0.33 to 0.65 where sweeps, ADMM and
+interior points are 0.8 to 1.1 of theirs (walls, towers, boxes, nearly singular piles, rocks, large friction; 100 to 300 contacts). In the
+plane 0.65, but an interior point 0.75 too (arches): what counts is what the one takes for the other."""
 NORMED = 40
 """How often W is read for its norm, by 20 to 30 products from Python, before ADMM's first iteration."""
 SHARES, PRODUCTS = 8, 3
@@ -161,8 +165,10 @@ class Prices:
         """An iteration of proximal Newton once it has begun."""
         if self.in_velocities:
             motion = self.problem.delassus.motion
-            own = OWN_COMPILED if motion is not None and motion.M.shape[0] <= UP_TO else OWN
-            return self.proximal(closed) + self.machine.seconds(Work(own * self.problem.nc))
+            if motion is not None and motion.M.shape[0] <= UP_TO:
+                compiled = COMPILED if self.problem.dimension == 3 else COMPILED_2D
+                return compiled * (self.proximal(closed) + self.machine.seconds(Work(OWN_COMPILED * self.problem.nc)))
+            return self.proximal(closed) + self.machine.seconds(Work(OWN * self.problem.nc))
         if self.joints is not None and closed:  # open contacts leave the fronts
             share = closed / self.problem.m
             return self.machine.seconds(Work(share**3 * self.flops, steps=SPARSE_STEPS) + share * self._gather)

@@ -4,8 +4,17 @@ from __future__ import annotations
 
 import scipy.sparse as sp
 
-from fcsim.solvers.automatic.closed import closed, held_as_blocks, in_blocks, newton_stays, on_springs, singular_here
-from fcsim.solvers.automatic.expected import NEWTON
+from fcsim.solvers.automatic.closed import (
+    closed,
+    held_as_blocks,
+    in_blocks,
+    kept,
+    newton_stays,
+    on_springs,
+    singular_here,
+    small_and_elastic,
+)
+from fcsim.solvers.automatic.expected import NEWTON, dearer_than_proximal, sweeps_lead_on, swept
 from fcsim.solvers.automatic.race import Race
 
 JOINTS_SHARE = 100
@@ -13,10 +22,11 @@ JOINTS_SHARE = 100
 
 
 def newton_first(race: Race) -> bool:
-    """Whether Newton is the first stage: in joints, be it between rigid blocks, and from a warm start."""
+    """Whether Newton is the first stage: in joints, be it between rigid blocks, from a warm start, and in steps of elastic bodies with few
+    contacts from zero as well."""
     if not race.options.patience or singular_here(race):
         return False
-    return race.joints is not None or on_springs(race) or (race.warm and not _sweeps_are_cheap(race))
+    return race.joints is not None or on_springs(race) or small_and_elastic(race) or (race.warm and not _sweeps_are_cheap(race))
 
 
 def _sweeps_are_cheap(race: Race) -> bool:
@@ -52,3 +62,13 @@ def proximal_first(race: Race) -> bool:
     if race.joints is None:
         return race.warm and (held_as_blocks(race) or (in_blocks(race) and not on_springs(race)))
     return singular_here(race)
+
+
+def proximal_is_due(race: Race) -> bool:
+    """Whether proximal Newton, or what goes before it, would begin now: as the first stage, or since sweeps cost more or are over."""
+    if proximal_first(race) or (race.over("sweeps") and (race.over("Newton") or singular_here(race))):
+        return True
+    if not race.over("Newton"):
+        return singular_here(race) and dearer_than_proximal(race, swept(race)) and not sweeps_lead_on(race)
+    near = race.joints is not None or on_springs(race) or (race.warm and not kept(race))
+    return near or (dearer_than_proximal(race, swept(race)) and not sweeps_lead_on(race))

@@ -10,7 +10,7 @@ import numpy as np
 from fcsim.arrays import FloatArray
 from fcsim.linear.block_rows import embed_vector
 from fcsim.problem.infeasible import certificate
-from fcsim.solvers.automatic.closed import edges, elastic_joints, held_as_blocks, kept, newton_stays, on_springs, unlike
+from fcsim.solvers.automatic.closed import edges, elastic, held_as_blocks, in_spheres, kept, newton_stays, on_springs, unlike
 from fcsim.solvers.automatic.race import Race, ShareOfMonitor
 from fcsim.solvers.base import Iterate, Options, Status
 from fcsim.solvers.gauss_seidel._sweep_kernels import change_to_await
@@ -220,11 +220,11 @@ def proximal(race: Race, monitor: ShareOfMonitor) -> Turns:
             options = PROXIMAL_OF_FACES if race.problem.dimension == 3 else PROXIMAL_OF_EDGES_FIRST
         elif on_springs(race):
             options = PROXIMAL_ON_SPRINGS
-        elif elastic_joints(race):
+        elif elastic(race):
             options = PROXIMAL_OF_JOINTS
         elif unlike(race):
             options = PROXIMAL_OF_UNLIKE
-        begins_near = race.prices.in_velocities or elastic_joints(race)
+        begins_near = race.prices.in_velocities or elastic(race)
         alpha = min(options.alpha, ALPHA * float(np.sqrt(race.best))) if begins_near else options.alpha
         options = replace(options, max_iterations=race.options.max_iterations, alpha=alpha)
         return proximal_turns(race.problem, race.best_r(), monitor, options)
@@ -233,8 +233,8 @@ def proximal(race: Race, monitor: ShareOfMonitor) -> Turns:
 
 
 def proximal_from_zero(race: Race, monitor: ShareOfMonitor) -> Turns:
-    """Proximal Newton from r = 0 with its own options."""
-    options = replace(PROXIMAL_NEWTON, max_iterations=race.options.max_iterations)
+    """Proximal Newton from r = 0 by looser inner problems, of spheres by another metric: it may solve what the first one does not."""
+    options = replace(PROXIMAL_OF_UNLIKE if in_spheres(race) else PROXIMAL_ON_SPRINGS, max_iterations=race.options.max_iterations)
     return proximal_turns(race.problem, np.zeros_like(race.start), monitor, options)
 
 

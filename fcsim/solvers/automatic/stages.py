@@ -22,10 +22,10 @@ from fcsim.errors import InputError
 from fcsim.problem import LocalProblem
 from fcsim.problem.distributed import DistributedDelassus
 from fcsim.solvers.automatic import methods
-from fcsim.solvers.automatic.closed import closed, elastic_joints, faces, held_as_blocks, kept, on_springs, singular_here
+from fcsim.solvers.automatic.closed import closed, elastic_joints, faces, held_as_blocks, on_springs, singular_here
 from fcsim.solvers.automatic.costs import Prices
-from fcsim.solvers.automatic.expected import FAR, at_first, dearer_than_newton, dearer_than_proximal, opening, sweeps_lead_on, swept
-from fcsim.solvers.automatic.first import JOINTS_SHARE, newton_first, proximal_first, splitting_first
+from fcsim.solvers.automatic.expected import FAR, at_first, dearer_than_newton, opening, sweeps_lead_on, swept
+from fcsim.solvers.automatic.first import JOINTS_SHARE, newton_first, proximal_first, proximal_is_due, splitting_first
 from fcsim.solvers.automatic.later import (
     BESIDE,
     beside_interior,
@@ -40,6 +40,7 @@ from fcsim.solvers.automatic.later import (
     interior_alone,
     interior_is_first,
     interior_leads,
+    interior_opens,
     on_a_path,
 )
 from fcsim.solvers.automatic.nearby import first_alone
@@ -95,7 +96,7 @@ def _share(race: Race) -> int:
 def _enter_splitting(race: Race) -> bool:
     if not race.options.splitting:
         return False
-    if in_place_of_sweeps(race):
+    if in_place_of_sweeps(race) and race.best > BESIDE:
         return True
     if race.best <= FAR:
         return False
@@ -156,20 +157,11 @@ def _enter_newton(race: Race) -> bool:
 
 
 def _enter_interior_first(race: Race) -> bool:
-    return interior_leads(race) and _proximal_is_due(race)
+    return interior_leads(race) and proximal_is_due(race)
 
 
 def _enter_proximal(race: Race) -> bool:
-    return not interior_leads(race) and _proximal_is_due(race)
-
-
-def _proximal_is_due(race: Race) -> bool:
-    if proximal_first(race) or (race.over("sweeps") and (race.over("Newton") or singular_here(race))):
-        return True
-    if not race.over("Newton"):
-        return singular_here(race) and dearer_than_proximal(race, swept(race)) and not sweeps_lead_on(race)
-    near = race.joints is not None or on_springs(race) or (race.warm and not kept(race))
-    return near or (dearer_than_proximal(race, swept(race)) and not sweeps_lead_on(race))
+    return not interior_leads(race) and not interior_opens(race) and proximal_is_due(race)
 
 
 def _share_of_sweeps(race: Race) -> float:
@@ -277,7 +269,7 @@ STAGES: tuple[Stage, ...] = (
         "paths",
         "PROX-PATH. Enters after 30 to 60 iterations of proximal Newton in the velocities of rigid bodies, where the closed contacts hold "
         "more velocities than the bodies have; from zero in edges and faces, once others have spent a piece a contact, or half of one; in "
-        "beds from zero where proximal Newton has ended or is stuck. "
+        "beds from zero after 60 of its iterations. "
         "Works alone from a warm start, in edges and faces until it has spent twice as much as all others.",
         enters=enter_paths,
         turns=methods.paths,

@@ -42,6 +42,8 @@ MANY, FEWER = 220, 1.5
 """Contact unknowns that bear from which Newton in so many times fewer velocities of the bodies, which the race has, is the quicker one."""
 ALREADY, OVERFULL = 150, 3.0
 """The same where so many times as many unknowns bear as the bodies have velocities: Newton here mostly fails then."""
+FIRST_ELSEWHERE, ELSEWHERE_FROM_FAR, ELSEWHERE_FROM_NEAR = 2, 8, 4
+"""Its iterations whose cost sweeps then spend before their rate is believed, and those that it needs: of the race, in faces."""
 MANY_AGAIN = 100
 """The same once Newton has failed here: in velocities it does not mind a W of far more unknowns than those (contacts and their twins)."""
 STILL = 0.999
@@ -152,7 +154,7 @@ def solve_automatically(
     while True:
         many = MANY if turn == 0 else MANY_AGAIN
         price, elsewhere = newton_price(best, d, velocities, many)
-        allowed = of_newton if turn else first * price
+        allowed = of_newton if turn else (FIRST_ELSEWHERE if elsewhere else first) * price
         while sweeping and not far and not least <= tol:
             change, size, swept, _ = sweep_conjugate(
                 starts, columns, blocks, diagonal, shift, q3, mu, rho, order, r3, frozen, from_here, direction, last, local_tolerance,
@@ -180,7 +182,11 @@ def solve_automatically(
                 break
             spent = sweep_price * sweeps
             price, elsewhere = newton_price(best, d, velocities, many)
-            patience = (NEWTON_FROM_FAR if least > FAR else NEWTON_FROM_NEAR) * price
+            if elsewhere and not turn:
+                allowed = FIRST_ELSEWHERE * price
+                patience = (ELSEWHERE_FROM_FAR if least > FAR else ELSEWHERE_FROM_NEAR) * price
+            else:
+                patience = (NEWTON_FROM_FAR if least > FAR else NEWTON_FROM_NEAR) * price
             if spent > budget or (spent > allowed and sweep_price * sweeps_left(course, looks, tol) > patience):
                 break
         if least <= tol or turn == 2 or elsewhere:

@@ -77,6 +77,7 @@ class State:
     keeps: bool = False
     shares: object = None
     single: bool | None = None
+    motion: object = None
     spread: float = 1.0
     runners: dict[str, Shown] = field(default_factory=dict)
 
@@ -87,7 +88,7 @@ class State:
     @property
     def problem(self) -> Any:
         W = sp.csr_array(np.eye(1)) if self.sparse else np.eye(1)
-        delassus = SimpleNamespace(shares=self.shares, size=self.nc * self.dimension)
+        delassus = SimpleNamespace(shares=self.shares, size=self.nc * self.dimension, motion=self.motion)
         compliance = np.array([1.0, self.spread])
         return SimpleNamespace(
             nc=self.nc, dimension=self.dimension, m=self.nc * self.dimension, W=W, delassus=delassus, compliance=compliance

@@ -71,3 +71,19 @@ def test_few_contacts_of_rigid_bodies_pass_the_compiled_front_door_in_steps_too(
     assert kept is memory and tried[0].status == "solved"
     with pytest.raises(pytest.fail.Exception, match="a race begins"):
         solve_chain(*arguments)
+
+
+@pytest.mark.parametrize("across", [3, 4, 5])
+def test_few_contacts_of_elastic_bodies_are_newton_s_from_zero_in_steps(
+    across: int, monkeypatch: pytest.MonkeyPatch, error_of: Measure
+) -> None:
+    """Points of a grid on a half-space, whose compliance falls as one over the distance (Boussinesq), pressed and pushed."""
+    points = np.stack(np.meshgrid(np.arange(across), np.arange(across)), axis=-1).reshape(-1, 2).astype(float)
+    distance = np.linalg.norm(points[:, None] - points[None], axis=2)
+    W = np.kron(1 / (0.3 + distance), np.eye(3))
+    q = np.column_stack((np.full(len(points), -1.0), np.full(len(points), 0.3), 0.1 * points[:, 0]))
+    local = LocalProblem(W, q.ravel(), np.full(len(points), 0.5))
+    monkeypatch.setattr(stages.methods, "sweeps", lambda *_: pytest.fail("sweeps begin"))
+    found = solve(local, "auto", memory=Memory.of(np.arange(local.nc)))
+    assert found.solved and error_of(local, found.r) <= 1.001e-8
+    assert found.iterations <= 1 + solve(local, "NSN-AC").iterations

@@ -347,10 +347,11 @@ def test_sweeps_and_admm_spend_little_beside_an_interior_point_in_beds(
     changes: dict[str, Any], begun: bool, sweeps: float, admm: float
 ) -> None:
     runners = {"sweeps": STILL, "proximal Newton": newton(), "splitting": Shown(best=2e-3)}
-    runners |= {"interior point": Shown()} if begun else {}
-    race = state(runners=runners, **{"holds": 0.91, "best": NEAR, **changes})
-    assert stage("sweeps").share(race) == sweeps
-    assert stage("splitting").share(race) == admm
+    for other in ("interior point", "paths"):
+        begins = {other: Shown()} if begun else {}
+        race = state(runners=runners | begins, **{"holds": 0.91, "best": NEAR, **changes})
+        assert stage("sweeps").share(race) == sweeps
+        assert stage("splitting").share(race) == admm
 
 
 @pytest.mark.parametrize(("changes", "share"), [({}, 0.1), ({"in_velocities": False}, 1.0), ({"joints": object()}, 1.0)])
@@ -486,3 +487,22 @@ def test_paths_fall_slowly_from_a_warm_start(warm: bool, falls: float, newton_al
     next(methods.paths(race, SimpleNamespace(iterations=0)))  # type: ignore[arg-type]
     chosen = asked[0]
     assert (chosen.along, chosen.regained, chosen.newton_along, chosen.max_iterations) == (falls, falls, newton_along, 77)
+
+
+@pytest.mark.parametrize(
+    ("changes", "is_first"),
+    [
+        ({}, True),
+        ({"warm": True}, True),
+        ({"keeps": False}, False),  # no step
+        ({"sparse": True}, False),
+        ({"motion": SimpleNamespace(own=None, regular=False)}, False),  # rigid bodies
+        ({"patience": 0}, False),
+    ],
+)
+def test_in_steps_of_elastic_bodies_with_few_contacts_newton_is_first_from_zero_as_well(changes: dict[str, Any], is_first: bool) -> None:
+    race = state(**{"holds": 0.0, "in_velocities": False, "keeps": True, **changes})
+    assert stages.newton_first(race) is is_first
+    assert stage("sweeps").enters(race) is not is_first
+    race.runners["Newton"] = Shown(result=ENDED)
+    assert stage("sweeps").enters(race)
