@@ -7,8 +7,6 @@ import re
 import time
 from pathlib import Path
 
-import numpy as np
-
 from fcsim.errors import InputError, MissingDependency
 from fcsim.runtime.libraries import dolfinx
 
@@ -25,6 +23,7 @@ def compiled_form(form: object) -> object:
     so as long as files of the form change, then takes the C file away and compiles anew, once. MissingDependency without a C compiler,
     InputError that names the file where it cannot be taken away.
     """
+    import numpy as np  # not with fcsim itself, which is loaded before it is known whether NumPy has room
     from cffi import VerificationError
 
     taken: set[Path] = set()

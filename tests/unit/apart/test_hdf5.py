@@ -113,7 +113,7 @@ def test_a_soft_link_through_another_file_is_not_a_problem(tmp_path: Path) -> No
         del content["fclib_local/vectors/q"]
         content["far"] = h5py.ExternalLink("other.hdf5", "/fclib_local")
         content["fclib_local/vectors/q"] = h5py.SoftLink("/far/vectors/q")
-    with pytest.raises(InputError, match=r"a\.hdf5: /fclib_local/vectors/q: expected the problem within this file, got a link"):
+    with pytest.raises(InputError, match=r"a\.hdf5: /fclib_local/vectors/q: expected the problem within this file, got a soft link"):
         read_fclib(path)
 
 
