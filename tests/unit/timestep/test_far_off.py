@@ -3,7 +3,20 @@
 import numpy as np
 import pytest
 
-from fcsim import Body, Everything, Material, QuasiStatic, Simulation, Support, Traction, build_model
+from fcsim import (
+    Body,
+    Cohesive,
+    Detector,
+    Everything,
+    Material,
+    QuasiStatic,
+    Simulation,
+    Support,
+    SurfacePair,
+    Traction,
+    build_model,
+    contact_surface,
+)
 from fcsim.mesh import rectangle
 
 STEEL = Material(E=210e9, nu=0.3, density=7800.0)
@@ -23,3 +36,20 @@ def test_a_digit_that_counts_is_named(off: float, pressure: float, named: bool, 
     model = build_model(bodies, supports=held, loads=[Traction("above", "y+", (0.0, -pressure / unit))])
     (step,) = Simulation(model, Everything(model, 0.0), QuasiStatic(1.0, eta=1e5), 1)
     assert any("digits" in said for said in step.remarks) == named
+
+
+@pytest.mark.parametrize("p", [100.0, -100.0])
+def test_a_joint_that_bends_presses_and_draws(p: float) -> None:
+    """Forces of a pure couple cancel: their sum is round-off of either sign, beside which every deformation is large, or negative."""
+    soft = Material(E=1e7, nu=0.0, density=2000.0)
+    bodies = [
+        Body(name, rectangle(name, (1.0, 1.0), (2, 4), soft), translation=(1e6, 1e6 + y)) for name, y in (("below", 0.0), ("above", 1.0))
+    ]
+    couple = [Traction("above", "x+", (0.0, p)), Traction("above", "x-", (0.0, -p))]
+    model = build_model(bodies, supports=[Support("below", ("x", "y"), "y-")], loads=couple)
+    pair = SurfacePair(contact_surface(model, [("above", "y-")]), contact_surface(model, [("below", "y+")]), 0.3, 0.02, "nodes")
+    scheme = QuasiStatic(1.0, law=Cohesive(tension=1e6, mode_1=1e3, mode_2=1e3), eta=1.0)
+    (step,) = Simulation(model, Detector([pair], model.n_nodes), scheme, 1)
+    force = step.contact_force[:, 0]
+    assert force.max() > 99.0 and force.min() < -99.0  # p 1 m^2 in all, on an arm of 1 m
+    assert not any("digits" in said or "between its points" in said for said in step.remarks)

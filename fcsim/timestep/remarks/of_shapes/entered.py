@@ -21,8 +21,8 @@ _LONG = 16  # steps of dynamics over which energy and forces are taken together
 
 class Entered:
     """The remark on the first pair of surfaces in one pass whose master's nodes lie within the slave where that bears, in the mean over
-    them by more than `NAMED` of how far the contacts deform bodies, twice the elastic energy over the sum of their forces: the slave's few
-    points bear what should be spread. The same pairs the other way round are the measure.
+    them by more than `NAMED` of how far the contacts deform bodies, twice the elastic energy over the sum of their forces' amounts (joints
+    draw, too): the slave's few points bear what should be spread. The same pairs the other way round are the measure.
 
     Steps 1, 4, 16, ... and the last are looked at. In dynamics forces act on bodies not deformed yet or swinging back: energy and forces
     are those of all steps so far there, from step 16 on (at rest in the mean, as the virial theorem has it).
@@ -39,7 +39,7 @@ class Entered:
             return {}
         force, moving = step.contact_force[:, 0], step.scheme.timing.moving
         before = (self._energy, self._force) if moving else (0.0, 0.0)
-        self._energy, self._force = before[0] + step.energy.elastic, before[1] + float(force.sum())
+        self._energy, self._force = before[0] + step.energy.elastic, before[1] + float(np.abs(force).sum())
         if not (looked_at(step.number) or step.number == self._steps) or (moving and step.number < _LONG):
             return {}
         if not (force > 0).any():

@@ -15,12 +15,12 @@ that is left open by the load alone was 211 N in place of 232 N."""
 
 def far_off(step: Step, steps: int, when: str, said: frozenset[str]) -> dict[str, str]:
     """The remark where a digit of the coordinates exceeds `NAMED` of what contacts deform bodies by, twice the elastic energy over the sum
-    of their forces; {} where it does not. The first and the last step of statics are looked at."""
+    of their forces' amounts (joints draw, too); {} where it does not. The first and the last step of statics are looked at."""
     model, force = step.model, step.contact_force[:, 0]
     if "far off" in said or step.scheme.timing.moving or step.number not in (1, steps) or not (model.deformable and (force > 0).any()):
         return {}
     largest, extent = float(np.abs(model.reference).max()), float(np.ptp(model.reference, axis=0).max())
-    digit, motion = float(np.spacing(largest)), 2.0 * step.energy.elastic / float(force.sum())
+    digit, motion = float(np.spacing(largest)), 2.0 * step.energy.elastic / float(np.abs(force).sum())
     if largest <= FAR * extent or not digit > NAMED * motion:
         return {}
     return {
