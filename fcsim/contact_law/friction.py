@@ -206,7 +206,7 @@ def as_beside(meeting: Meeting, name: str) -> FloatArray:
     there = earlier.values[SEAT][bore]
     here = np.column_stack([np.sort(contacts.bodies[new], axis=1), contacts.point[new]])
     apart = np.ones(here.shape[1])
-    apart[:2] = 1.0 + 4.0 * np.ptp(np.concatenate([there, here])[:, 2:], axis=0).sum()  # another body is farther than any point
+    apart[:2] = 2.0 * BESIDE * meeting.size.max()  # so that what another body bore on is too far
     distance, nearest = cKDTree(there * apart).query(here * apart)
     near = distance <= BESIDE * meeting.size[new]
     own[new[near]] = value[bore[nearest[near]]]
