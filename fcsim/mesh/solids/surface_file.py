@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass
+from io import StringIO
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -184,9 +185,11 @@ def _read(path: Path) -> list[tuple[str, FloatArray, IntArray]]:
         import trimesh
     except ImportError as error:
         raise MissingDependency(f"trimesh is needed for surface files ({error}): pip install 'fcsim[masonry]'") from None
-    options = {"split_objects": True, "group_material": False} if path.suffix.lower() == ".obj" else {}
+    obj = path.suffix.lower() == ".obj"
+    options = {"file_type": "obj", "split_objects": True, "group_material": False} if obj else {}
     try:
-        scene = trimesh.load_scene(str(path), process=False, resolver=_NothingBeside(path.name), **options)
+        source = StringIO(_counted_from_the_first(path.read_text(encoding="utf-8", errors="replace"))) if obj else str(path)
+        scene = trimesh.load_scene(source, process=False, resolver=_NothingBeside(path.name), **options)
         meshes = [(name, mesh) for name, mesh in _named(scene) if isinstance(mesh, trimesh.Trimesh)]
         found = [(name, np.asarray(mesh.vertices, dtype=np.float64), np.asarray(mesh.faces, dtype=np.int64)) for name, mesh in meshes]
     except MemoryError:
@@ -198,6 +201,20 @@ def _read(path: Path) -> list[tuple[str, FloatArray, IntArray]]:
         if not shaped or not np.isfinite(points).all() or (len(triangles) and (triangles.min() < 0 or triangles.max() >= len(points))):
             raise InputError(f"{path}, object {name!r}: expected finite corners (x, y, z) and triangles of their numbers")
     return found
+
+
+def _counted_from_the_first(text: str) -> str:
+    """An OBJ file whose faces name no corner by a negative number, -1 being the last before the face: of several objects trimesh counts
+    these from the end of the file."""
+    corners, lines = 0, text.splitlines()
+    for k, line in enumerate(lines):
+        word, *rest = line.split() or [""]
+        if word == "v":
+            corners += 1
+        elif word == "f" and any(corner.startswith("-") for corner in rest):
+            numbers = [int(corner.split("/")[0]) for corner in rest]
+            lines[k] = " ".join(["f", *(str(number + corners + 1 if number < 0 else number) for number in numbers)])
+    return "\n".join(lines) + "\n"
 
 
 def _named(scene: Scene) -> list[tuple[str, Geometry]]:

@@ -53,3 +53,16 @@ def test_a_file_of_no_known_kind_is_told_all_that_are(tmp_path: Path) -> None:
     """It was told the formats of surfaces alone, not that a JSON or a mesh would do."""
     with pytest.raises(InputError, match=r"expected a model of blocks \(\.json, \.stl, .*\.msh, .*got '\.txt'"):
         read_model(tmp_path / "wall.txt")
+
+
+def test_corners_of_an_obj_that_are_counted_from_the_last(tmp_path: Path) -> None:
+    """Faces of the first object took corners of the last one: a column was read as drums within each other."""
+    lines: list[str] = []
+    for k in (0, 1):
+        drum = trimesh.creation.box((0.4, 0.4, 0.5)).apply_translation((0.0, 0.0, 0.5 * k + 0.25))
+        lines += [f"o drum {k}", *("v {} {} {}".format(*corner) for corner in drum.vertices)]
+        lines += ["f " + " ".join(f"{corner - 8}//" for corner in face) for face in drum.faces]
+    (tmp_path / "column.obj").write_text("\n".join(lines))
+    problem = masonry_of_surfaces(tmp_path / "column.obj", mu=0.7)
+    assert [block.surface.points[:, 2].min() for block in problem.blocks] == pytest.approx([0.0, 0.5, -0.1])
+    assert analyse(pushed(problem, (1.0, 0.0, 0.0))).coulomb.multiplier == pytest.approx(0.4, rel=1e-4)
