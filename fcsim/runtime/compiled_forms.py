@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import fcntl
 import re
+import sys
 import time
+import traceback
 from pathlib import Path
 
 from fcsim.errors import InputError, MissingDependency
@@ -18,15 +20,16 @@ other, each in seconds."""
 def compiled_form(form: object) -> object:
     """Return a form of UFL compiled to machine code (`dolfinx.fem.Form`), from the folder where it may be already.
 
-    The first process that wants a form creates its C file, empty, and the others wait until the library is there. A process killed
-    meanwhile leaves that file, for which ffcx would wait in every later run, ten seconds, in vain. So whoever has waited goes on to do
-    so as long as files of the form change, then takes the C file away and compiles anew, once. MissingDependency without a C compiler,
-    InputError that names the file where it cannot be taken away.
+    The first process that wants a form creates its C file, empty, and the others wait until the library is there. One that is
+    interrupted takes the file with it. A process killed meanwhile leaves it, and ffcx would wait for that in every later run, ten
+    seconds, in vain. So whoever has waited says so and goes on as long as files of the form change, then takes the C file away and
+    compiles anew, once. MissingDependency without a C compiler, InputError that names the file where it cannot be taken away.
     """
     import numpy as np  # not with fcsim itself, which is loaded before it is known whether NumPy has room
     from cffi import VerificationError
 
     taken: set[Path] = set()
+    told: set[Path] = set()
     while True:
         try:
             return dolfinx().fem.form(form, dtype=np.float64)
@@ -41,6 +44,25 @@ def compiled_form(form: object) -> object:
                 raise
             if _take_away_abandoned(source):
                 taken.add(source)
+            elif source not in told:
+                told.add(source)
+                print(
+                    f"fcsim: waits for a form that another process compiles ({source}); should that one have been killed, it is compiled "
+                    f"here {ABANDONED:.0f} s after the file's last change",
+                    file=sys.stderr,
+                    flush=True,
+                )
+        except KeyboardInterrupt as interrupt:
+            _take_along(interrupt)
+            raise
+
+
+def _take_along(interrupt: KeyboardInterrupt) -> None:
+    """Remove the C file of the form that this process was compiling when it was interrupted; ffcx does so after errors alone. Its frame
+    knows which: one that waits for another process has none."""
+    for frame, _ in traceback.walk_tb(interrupt.__traceback__):
+        if frame.f_code.co_name == "_compile_objects" and {"cache_dir", "module_name"} <= frame.f_locals.keys():
+            Path(frame.f_locals["cache_dir"], f"{frame.f_locals['module_name']}.c").unlink(missing_ok=True)
 
 
 def _waited_for(error: TimeoutError) -> Path:

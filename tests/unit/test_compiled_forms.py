@@ -60,12 +60,45 @@ def test_an_abandoned_form_is_compiled_anew(killed: Path, compile_length: Compil
     assert killed.with_suffix(".c.cached").exists()
 
 
-def test_of_one_who_may_still_compile_nothing_is_taken(killed: Path, compile_length: Compile, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_of_one_who_may_still_compile_nothing_is_taken(
+    killed: Path, compile_length: Compile, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """What it waits for is said, once: it was silent for up to a minute."""
     monkeypatch.setattr(compiled_forms, "ABANDONED", 1.5)
     os.utime(killed)
     begin = time.time()
     assert compile_length() == pytest.approx(2.0)
     assert time.time() - begin > 1.5
+    (said,) = capsys.readouterr().err.splitlines()
+    assert said.startswith(f"fcsim: waits for a form that another process compiles ({killed})")
+
+
+def test_who_is_interrupted_leaves_nothing(compile_length: Compile, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Ctrl-C while the C compiler runs left a file, for which the next run waited a minute."""
+    import cffi
+
+    def interrupted(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patched:
+        patched.setattr(cffi.FFI, "compile", interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            compile_length()
+    assert not list(tmp_path.glob("*.c"))
+    assert compile_length() == pytest.approx(2.0)
+
+
+def test_who_is_interrupted_while_he_waits_takes_nothing(killed: Path, compile_length: Compile, monkeypatch: pytest.MonkeyPatch) -> None:
+    from ffcx.codegeneration import jit
+
+    def interrupted(_: float) -> None:
+        raise KeyboardInterrupt
+
+    os.utime(killed)
+    monkeypatch.setattr(jit.time, "sleep", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        compile_length()
+    assert killed.exists()
 
 
 def test_what_cannot_be_removed_is_named(killed: Path, compile_length: Compile, monkeypatch: pytest.MonkeyPatch) -> None:
