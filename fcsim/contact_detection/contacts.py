@@ -14,6 +14,8 @@ from fcsim.contact_detection._contact_matrix_kernels import along_normals
 
 CABLES = 1 << 61
 """Identities of cables, which are contacts that pull, begin here (`fcsim.linkage.cables`): above those of all surfaces."""
+WITHIN = 1 << 59
+"""Identities of points within flat faces (`fcsim.contact_law.areas.within_faces`) begin here."""
 EXACT, KIND = 1 << 60, 56
 """Identities of contacts with exact shapes (`ExactContacts`) begin at EXACT, above those of meshed bodies; 2^KIND for each kind."""
 OVER_FACETS = {2: (2, 3, 5), 3: (4, 5, 7, 8)}
@@ -34,7 +36,8 @@ class Contacts:
     bodies   (nc, 2)     body numbers (slave, master)
     identity (nc,)       the same number for the same (pair, candidate, master body) at every step: what a warm start matches
     bulge    (nc,) [m]   how far curved surfaces stand out over the facets there, see `fcsim.contact_detection.surfaces.bulges`; None: flat
-    area     (nc,) [m^2; 2D: m] that points of an integral rule stand for; nan, or None for all: see `Proportions.area_at`
+    area     (nc,) [m^2; 2D: m] that points of an integral rule stand for; 0 where points within the same flat face are to share it; nan, or
+             None for all: see `Proportions.area_at`
     """
 
     point: FloatArray
@@ -61,6 +64,11 @@ class Contacts:
     def cables(self) -> BoolArray:
         """Which of them (nc,) are cables."""
         return np.asarray(self.identity >= CABLES)
+
+    @property
+    def within_faces(self) -> BoolArray:
+        """Which of them (nc,) are points within flat faces, not of their nodes."""
+        return np.asarray((self.identity >= WITHIN) & (self.identity < EXACT))
 
     @property
     def over_facets(self) -> BoolArray:

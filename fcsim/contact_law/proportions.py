@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -11,8 +12,9 @@ from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.assembly.model import Model
 from fcsim.brief import brief
 from fcsim.contact_detection.contacts import Contacts
-from fcsim.contact_law.areas.flat_faces import areas_of_flat_faces
+from fcsim.contact_law.areas.flat_faces import Patches, patches_of_flat_faces
 from fcsim.contact_law.areas.overlaps import areas_of_overlaps
+from fcsim.contact_law.areas.points_within import areas_of_flat_faces
 from fcsim.errors import InputError
 from fcsim.mesh.part import Body, RigidBody
 
@@ -92,16 +94,19 @@ class Proportions:
                 return area
         given = _given(contacts)
         area = np.zeros(len(contacts)) if contacts.area is None else contacts.area * self._shared_thickness(contacts)
-        area[~given] = self._area_at(contacts if not given.any() else contacts.take(~given), positions)
+        within = contacts.within_faces
+        rest = ~given & ~within
+        found = self._area_at(contacts if rest.all() else contacts.take(rest), contacts.identity[within], positions)
+        area[rest], area[within] = found
         area.setflags(write=False)
         self._latest[:] = [(contacts, positions.copy(), area)]
         return area
 
-    def _area_at(self, contacts: Contacts, positions: FloatArray) -> FloatArray:
-        """The areas, worked out."""
+    def _area_at(self, contacts: Contacts, within: IntArray, positions: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """The areas, worked out, and those of points within faces of that identity (k,)."""
         nc, d = len(contacts), contacts.dimension
         if not nc:
-            return np.zeros(0)
+            return np.zeros(0), np.zeros(len(within))
         normal = contacts.frame[:, 0]
         weight = np.where(contacts.nodes >= 0, np.maximum(contacts.weights, 0.0), 0.0)
         row, column = np.nonzero(weight)
@@ -119,28 +124,49 @@ class Proportions:
                 f"{tuple(contacts.bodies[bad].tolist())} at {contacts.point[bad].tolist()} m has none"
             )
         met = np.einsum("ai,ai->a", outward[(k := _met_node(contacts))], normal) * thickness
-        return self._of_two_bodies(contacts, _of_two_passes(contacts, area, met, k) / thickness, positions) * thickness
+        area, of_points = self._of_two_bodies(contacts, within, _of_two_passes(contacts, area, met, k) / thickness, positions)
+        return area * thickness, of_points
 
-    def _of_two_bodies(self, contacts: Contacts, area: FloatArray, positions: FloatArray) -> FloatArray:
-        """Areas (nc,) [m^2; 2D: m] by the overlaps of the two bodies' facets; `area` where there are none, and of bodies that fold."""
+    def _of_two_bodies(
+        self, contacts: Contacts, within: IntArray, area: FloatArray, positions: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Areas (nc,) [m^2; 2D: m] by the overlaps of the two bodies' facets; `area` where there are none, and of bodies that fold. And
+        those of points within faces (k,)."""
         one_way, back = _codes(contacts)
         chosen = one_way != back
         if not chosen.any() or not len(self.facets):
-            return area
+            return area, np.zeros(len(within))
+        shares = np.zeros(len(contacts), dtype=bool) if contacts.area is None else contacts.area == 0
+        flat, of_points = areas_of_flat_faces(self.flat_patches(contacts, chosen, positions), len(contacts), shares, within)
+        if (chosen := chosen & np.isnan(flat)).any():
+            slaves = np.unique(one_way[(one_way != back) & ~_crossing(contacts)])
+            given = self._weights(contacts), slaves, area, positions, self.facets, self._facet_bodies
+            area = areas_of_overlaps(contacts, chosen, *given)
+        return np.where(np.isnan(flat), area, flat), of_points
+
+    def flat_patches(self, contacts: Contacts, chosen: BoolArray, positions: FloatArray) -> Patches | None:
+        """Where flat faces of rigid bodies meet at the chosen contacts (nc,), see `fcsim.contact_law.areas.flat_faces`."""
+        one_way, back = _codes(contacts)
+        chosen = chosen & (one_way != back)
+        slaves = None if self.both_ways else np.unique(one_way[chosen & ~_crossing(contacts)])
+        given = self._weights(contacts), slaves, positions, self.facets, self._facet_bodies
+        return patches_of_flat_faces(contacts, chosen & self.between_rigid(contacts), *given)
+
+    def _weights(self, contacts: Contacts) -> FloatArray:
+        """Weights (nc, k) >= 0 with which contacts have their nodes' areas."""
+        one_way, back = _codes(contacts)
         weights = np.where(_crossing(contacts)[:, None], np.abs(contacts.weights), np.maximum(contacts.weights, 0.0))
-        node, n = _met_node(contacts), len(positions)
+        node, n = _met_node(contacts), len(self.reference)
         row, column = np.nonzero((contacts.nodes >= 0) & (contacts.weights > 0))
         own = np.isin(back * n + node, one_way[row] * n + contacts.nodes[row, column])
         met = np.flatnonzero((contacts.weights.min(axis=1) < -AT_A_NODE) & ~own)
         weights[met, np.argmin(contacts.weights[met], axis=1)] = 1.0
         weights[contacts.nodes < 0] = 0.0
-        slaves = np.unique(one_way[chosen & ~_crossing(contacts)])
-        bodies = np.searchsorted(self.first, self.facets[:, 0], side="right") - 1
-        given, ways = (positions, self.facets, bodies), None if self.both_ways else slaves
-        flat = areas_of_flat_faces(contacts, chosen & self.between_rigid(contacts), weights, ways, *given)
-        if (chosen := chosen & np.isnan(flat)).any():
-            area = areas_of_overlaps(contacts, chosen, weights, slaves, area, *given)
-        return np.where(np.isnan(flat), area, flat)
+        return np.asarray(weights)
+
+    @cached_property
+    def _facet_bodies(self) -> IntArray:
+        return np.asarray(np.searchsorted(self.first, self.facets[:, 0], side="right") - 1)
 
     def _shared_thickness(self, contacts: Contacts) -> FloatArray:
         """(nc,) [m]; 1 in 3D."""
@@ -172,7 +198,7 @@ def _given(contacts: Contacts) -> BoolArray:
     if contacts.area is None:
         return np.zeros(len(contacts), dtype=bool)
     one_way, back = _codes(contacts)
-    return np.asarray(np.isfinite(contacts.area) & ~np.isin(one_way, back))
+    return np.asarray((contacts.area > 0) & ~contacts.within_faces & ~np.isin(one_way, back))
 
 
 def _met_node(contacts: Contacts) -> IntArray:

@@ -15,6 +15,7 @@ from fcsim.arrays import FloatArray
 from fcsim.assembly.compliance import SystemFactor
 from fcsim.assembly.model import Model
 from fcsim.contact_detection import Detection, Everything, innermost
+from fcsim.contact_law.areas.within_faces import with_points_within_faces
 from fcsim.contact_law.proportions import Proportions, proportions
 from fcsim.linkage import Linkage
 from fcsim.solvers import Memory
@@ -64,6 +65,11 @@ class Substeps:
     def proportions(self) -> Proportions:
         """Sizes of the bodies, to which lengths of contact are relative."""
         return proportions(self.model, isinstance(innermost(self.detector), Everything))
+
+    @cached_property
+    def detection(self) -> Detection:
+        """The detector, with the points that springs per area need within flat faces."""
+        return with_points_within_faces(self.detector, self.scheme.law, self.proportions)
 
     @cached_property
     def _systems(self) -> dict[tuple[float, float], SystemFactor]:
@@ -142,7 +148,7 @@ class Substep:
         run, answer, state = self.run, solved.answer, opened.start.state
         answer.met.refuse_driven(run.model, answer.v, self._when(opened.start, solved.after.t))
         began = opened.equation.met
-        end = at_end(run.model, run.detector, self.scheme, began, answer.met, solved.after, state, solved.settled)
+        end = at_end(run.model, run.detection, self.scheme, began, answer.met, solved.after, state, solved.settled)
         if end.too_long(self.cuts, run.cuttings, self.attempts, run.solver.tol):
             return None
         return self._ended(opened, solved, anchor, end)
@@ -168,7 +174,7 @@ class Substep:
         elastic = Linearisation(scheme, model, state, past.serving)
         factor = run.system(scheme).with_rigid_mass(rigid_mass).turned(elastic.rotation)
         driven, links = scheme.driven(model, state), Closing(linked(run.linkage, model, scheme, state), run.extent)
-        borne = borne_at_first(model, run.detector, scheme, met)
+        borne = borne_at_first(model, run.detection, scheme, met)
         equation = Equation(scheme, model, state, met, factor, rest, driven, elastic, 0.5**self.cuts, links.rows, borne=borne)
         return _Opened(start, impact, equation, past, links, rigid_mass, whole_per_part)
 
@@ -178,19 +184,19 @@ class Substep:
         run, scheme = self.run, self.scheme
         if scheme.h <= start.seen:
             return start, None
-        if passes(run.model, run.detector, scheme, start, run.proportions, self.cuts == run.cuttings):
+        if passes(run.model, run.detection, scheme, start, run.proportions, self.cuts == run.cuttings):
             return None
 
         def solve(equation: Equation, past: Past) -> tuple[Answer | None, Past]:
             return solve_equation(equation, StepSolver(run.settings(start.state.t), run.extent, self.attempts, Clock()), past)
 
-        made = struck(run.model, run.detector, scheme, start, run.proportions, run.linkage, run.system, solve)
+        made = struck(run.model, run.detection, scheme, start, run.proportions, run.linkage, run.system, solve)
         return (start, None) if made is None else (replace(start, state=made.state), made.energy)
 
     def _met(self, start: Moment) -> Encounter | None:
         """The contacts of the step; None where bodies would pass each other in it."""
         run = self.run
-        met = encounter(run.model, run.detector, self.scheme, start.state, run.proportions, start.variables)
+        met = encounter(run.model, run.detection, self.scheme, start.state, run.proportions, start.variables)
         self.clock.lap("detection")
         if met.passing is not None and self.cuts == run.cuttings:
             refuse_going_through(run.model, self.scheme, met.passing, self._when(start, start.state.t))
@@ -217,13 +223,13 @@ class Substep:
                 past = past.of_the_same_step(met.contacts, met.contacts, result.r)
                 equation = replace(equation, met=met, linked=links.rows)
                 continue
-            ahead = looked_ahead(model, run.detector, scheme, state, met, v, after) if looks < ROUNDS else None
+            ahead = looked_ahead(model, run.detection, scheme, state, met, v, after) if looks < ROUNDS else None
             self.clock.lap("detection")
             if ahead is None and not equation.borne:
                 return _Solved(answer, past, impulse, after, looks < ROUNDS)
             seen, met, looks = met, ahead or met, looks + (ahead is not None)
             past = past.of_the_same_step(seen.contacts, met.contacts, result.r)
-            borne = borne_at_first(model, run.detector, scheme, met, seen) if equation.borne and looks < ROUNDS else 0.0
+            borne = borne_at_first(model, run.detection, scheme, met, seen) if equation.borne and looks < ROUNDS else 0.0
             equation = replace(equation, met=met, linked=links.rows, borne=borne)
 
     def _anew(self, start: Moment, equation: Equation) -> Anew | None:
@@ -232,7 +238,7 @@ class Substep:
             return None
         model, scheme, state = self.run.model, equation.scheme, start.state
         told = Told(self.run.proportions, start.variables, trial=equation.met.meeting.trial)
-        return Anew(lambda by, v, more: met_on_the_way(model, by, scheme, state, v, more, told), self.run.detector, model)
+        return Anew(lambda by, v, more: met_on_the_way(model, by, scheme, state, v, more, told), self.run.detection, model)
 
     def _ended(self, opened: _Opened, solved: _Solved, anchor: Moment, end: AtEnd) -> Step:
         """What a step is made of."""

@@ -28,7 +28,7 @@ from fcsim import (
     contact_surface,
 )
 from fcsim.contact_law.proportions import proportions
-from fcsim.mesh import rigid_box, rigid_plane, rigid_sphere
+from fcsim.mesh import rigid_box, rigid_plane, rigid_rectangle, rigid_sphere
 from fcsim.timestep.step import Step
 
 HELD = ("x", "y", "z", "rx", "ry", "rz")
@@ -188,12 +188,21 @@ def test_a_box_on_points_of_overlaps_turns_as_winkler_says(facets: tuple[int, in
 
 
 @pytest.mark.parametrize(
-    ("facets", "below", "within", "s"), [((3, 5), (1, 1), 0.06, 1e3), ((5, 3), (7, 4), 0.03, 1.0), ((1, 1), (6, 5), 0.1, 1e-3)]
+    ("facets", "below", "within", "s"),
+    [
+        ((3, 5), (1, 1), 0.06, 1e3),
+        ((5, 3), (7, 4), 0.03, 1.0),
+        ((1, 1), (6, 5), 0.1, 1e-3),
+        ((1, 1), (1, 1), 0.03, 1.0),
+        ((2, 1), (1, 1), 0.02, 1e-3),
+        ((1, 2), (1, 1), 0.02, 1e3),
+    ],
 )
 def test_a_rigid_box_among_everything_turns_as_winkler_says(
     facets: tuple[int, int], below: tuple[int, int], within: float, s: float
 ) -> None:
-    """The same under `Everything`: nodes have the overlap's second moments; in uplift they are few."""
+    """The same under `Everything`: nodes have the overlap's second moments, with points within it where all are at its rim; in uplift they
+    are few."""
     k, force, b, length = 1e8 / s**2, 1e3 * s, 0.4 * s, 0.6 * s
     low = rigid_box("low", (s, s, 0.1 * s), (0.0, 0.0, -0.05 * s), 1.0, (*below, 1))
     up = rigid_box("up", (length, b, 0.1 * s), (0.0, 0.0, 0.05 * s), 1.0, (*facets, 1))
@@ -255,14 +264,55 @@ def test_areas_of_nodes_do_not_depend_on_what_is_open(facets: tuple[tuple[int, i
         assert some == pytest.approx({k: areas[0][k] for k in some}, rel=1e-2)
 
 
+@pytest.mark.parametrize("shift", [0.0, 0.5])
+def test_faces_of_one_facet_have_the_moments_of_their_overlap(shift: float) -> None:
+    """Squares of one facet, shifted by half as bricks in a bond are: points within share the overlap with what is at its rim, and neither
+    it nor its parts change as the upper one lifts."""
+    low, up = (rigid_box(n, (1, 1, 0.2), (x, 0, z), 1.0) for n, x, z in (("low", 0.0, -0.1), ("up", shift, 0.1)))
+    model = build_model([low, up], supports=[Support("low", HELD)])
+    law = Compliant(Springs(normal=1e8, tangential=1e8))
+    run = Simulation(model, Everything(model, 0.5), Theta(1.0, law=law), 1).substeps
+    whole, about_x, about_y = overlap_of_squares(0.0, shift)
+    areas = []
+    for angle in (0.0, 0.01, 0.03):
+        x, turn = model.reference.copy(), np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+        x[model.node_offset[1] :, ::2] = (x[model.node_offset[1] :, ::2] - [0.5, 0.0]) @ turn.T + [0.5, 0.0]
+        found = run.detection(x)
+        areas.append(dict(zip(found.identity.tolist(), run.proportions.area_at(found, x).tolist(), strict=True)))
+        if angle == 0.0:
+            area, arm = np.array(list(areas[0].values())), found.point - [0.5 * shift, 0.0, 0.0]
+            assert area.min() > 0
+            assert area.sum() == pytest.approx(whole)
+            assert area @ arm[:, :2] == pytest.approx([0.0, 0.0], abs=1e-9)
+            assert np.einsum("a,ai,aj->ij", area, arm, arm)[:2, :2] == pytest.approx(np.diag([about_y, about_x]), rel=1e-6, abs=1e-9)
+    assert len(areas[0]) >= len(areas[1]) > len(areas[2]) > 1
+    for some in areas[1:]:
+        assert some == pytest.approx({k: areas[0][k] for k in some}, rel=2e-2)
+
+
+def test_a_rectangle_of_one_segment_turns_as_winkler_says() -> None:
+    """The same in the plane: F e / (k l^3 / 12) of the thickness 1."""
+    k, force, length, e = 1e8, 1e3, 0.6, 0.05
+    low, up = rigid_rectangle("low", (1.0, 0.1), (0.0, -0.05), 1.0), rigid_rectangle("up", (length, 0.1), (0.0, 0.05), 1.0)
+    push = Force("up", (0.0, -force), (-force * e,))
+    model = build_model([low, up], supports=[Support("low", ("x", "y", "rz")), Support("up", ("x",))], loads=[push])
+    law = Compliant(Springs(normal=k, tangential=1e-4 * k))
+    (step,) = Simulation(model, Everything(model, 0.5), QuasiStatic(1.0, 1.0, law), 1, SolverSettings(tol=1e-10), witness=None)
+    assert step.state.x[model.dof_offset[1] + 2] == pytest.approx(-force * e / (k * length**3 / 12), rel=1e-4)
+
+
 @pytest.mark.parametrize(("facets", "ratio", "s"), [((1, 1), 3.0, 1e-3), ((3, 5), None, 1.0), ((5, 5), None, 1e3)])
 def test_springs_at_too_few_nodes_are_named(facets: tuple[int, int], ratio: float | None, s: float) -> None:
-    """Corners alone have three times the second moment: said from a tenth on, not of points of overlaps."""
+    """Corners alone have three times the second moment: said from a tenth on, not of points of overlaps, nor of `Everything`, which has
+    points within faces."""
     low = rigid_box("low", (s, s, 0.1 * s), (0.0, 0.0, -0.05 * s), 1.0)
     up = rigid_box("up", (0.6 * s, 0.4 * s, 0.1 * s), (0.0, 0.0, 0.05 * s), 1.0, (*facets, 1))
     model = build_model([low, up], supports=[Support("low", HELD)], gravity=lambda t: (0.0, 0.0, -9.81 * s))
     law = Compliant(Springs(normal=1e7 / s**2, tangential=1e7 / s**2))
-    for rule, said in ((Everything(model, 0.5), ratio), (points_of_joints(model, [("up", "z-", "low", "z+")], 0.02 * s), None)):
+    up_down, low_up = (contact_surface(model, [side]) for side in (("up", "z-"), ("low", "z+")))
+    nodes = Detector([SurfacePair(up_down, low_up, 0.5, 0.02 * s)], model.n_nodes)
+    points = points_of_joints(model, [("up", "z-", "low", "z+")], 0.02 * s)
+    for rule, said in ((nodes, ratio), (Everything(model, 0.5), None), (points, None)):
         (step,) = Simulation(model, rule, QuasiStatic(1.0, 1.0, law), 1, SolverSettings(tol=1e-8), witness=None)
         remarks = [text for text in step.remarks if "second moment" in text]
         assert len(remarks) == (said is not None)

@@ -179,8 +179,8 @@ def polygons(
     return Segments(slave, master, area, row, np.arange(len(row)) - first[row], *points)
 
 
-def intervals(now: Configuration, slave: IntArray, master: IntArray) -> Segments:
-    """Overlaps in 2D, on the slave segments' lines, however far apart."""
+def intervals(now: Configuration, slave: IntArray, master: IntArray, points: FloatArray = TWO_POINTS) -> Segments:
+    """Overlaps in 2D, on the slave segments' lines, however far apart, and points of equal weights on them, places in [0, 1]."""
     length, ours, theirs = now.slave.size[slave], now.slave.corners[slave], now.master.corners[master]
     normal = now.slave.normal[slave]
     tangent = (ours[:, 1] - ours[:, 0]) / length[:, None]
@@ -189,9 +189,9 @@ def intervals(now: Configuration, slave: IntArray, master: IntArray) -> Segments
     begin, end = np.maximum(place.min(axis=1), 0.0), np.minimum(place.max(axis=1), length)
     facing = np.einsum("nd,nd->n", normal, now.master.normal[master]) < OPPOSING
     row = np.flatnonzero(facing & (end - begin > _SLIVER * length))
-    s = begin[row, None] + (end - begin)[row, None] * TWO_POINTS
+    s = begin[row, None] + (end - begin)[row, None] * points
     t = (s - place[row, :1]) / (place[row, 1] - place[row, 0])[:, None]
     phi, psi = (np.stack([1 - z, z], axis=2).reshape(-1, 2) for z in (s / length[row, None], t))
-    row, number = np.repeat(row, 2), np.tile([0, 1], len(row))
+    row, number = np.repeat(row, len(points)), np.tile(np.arange(len(points)), len(row))
     area = np.maximum(end - begin, 0.0)
-    return Segments(slave, master, area, row, number, 0.5 * area[row], np.einsum("nk,nk->n", psi, height[row]), phi, psi)
+    return Segments(slave, master, area, row, number, area[row] / len(points), np.einsum("nk,nk->n", psi, height[row]), phi, psi)

@@ -10,8 +10,6 @@ from functools import cached_property
 import numpy as np
 
 from fcsim.arrays import BoolArray, FloatArray, IntArray
-from fcsim.contact_detection import Everything, innermost
-from fcsim.contact_law.proportions import Proportions, proportions
 from fcsim.errors import InputError
 from fcsim.problem import GlobalProblem
 from fcsim.timestep.encounter import Encounter, encounter
@@ -62,10 +60,6 @@ class Side:
         return cls(simulation, distance, simulation.initial or at_rest(simulation.model, h=simulation.scheme.h))
 
     @cached_property
-    def _proportions(self) -> Proportions:
-        return proportions(self.simulation.model, isinstance(innermost(self.simulation.detector), Everything))
-
-    @cached_property
     def _elastic(self) -> Linearisation:
         return Linearisation(self.simulation.scheme, self.simulation.model, self.start)
 
@@ -81,7 +75,7 @@ class Side:
     def _met(self) -> Encounter:
         """The contacts of the step, which its unknowns do not change."""
         s = self.simulation
-        return encounter(s.model, s.detector, s.scheme, self.start, self._proportions, None)
+        return encounter(s.model, s.substeps.detection, s.scheme, self.start, s.substeps.proportions, None)
 
     @cached_property
     def _equation(self) -> Equation:

@@ -17,7 +17,7 @@ def coarse_springs(step: Step, when: str, said: frozenset[str]) -> dict[str, str
     """The remark on the joint whose second moment is farthest from that of its area, as a run begins.
 
     Points at the nodes of n facets over the length l have l^3 / 12 (1 + 2 / n^2): a box turns by less for the same moment, and lifts later.
-    Of flat faces of rigid bodies they are corrected, but for n = 1 (`fcsim.contact_law.areas.flat_faces`).
+    Of flat faces of rigid bodies they are corrected (`fcsim.contact_law.areas.flat_faces`), n = 1 under `Everything` (`within_faces`).
     """
     contacts = step.contacts
     if "coarse springs" in said or step.number > 1 or not len(contacts):
@@ -40,5 +40,6 @@ def coarse_springs(step: Step, when: str, said: frozenset[str]) -> dict[str, str
     return {
         "coarse springs": f"{when}: the springs between {first!r} and {other!r} stand at so few points that their second moment is "
         f"{ratio[worst]:.3g} times that of the area: what is pressed out of its middle turns by {1 / ratio[worst]:.2g} of what it should. "
-        "What helps: finer facets (of rigid boxes two a side), or a Detector with candidates='segments' (docs/contact_laws.md)"
+        "What helps: of rigid bodies Everything(model, ...), or finer facets, of boxes two a side; else candidates='segments' "
+        "(docs/contact_laws.md)"
     }
