@@ -150,7 +150,7 @@ def remark(energy: Energy | None) -> tuple[str, ...]:
     if linked > TOLD * begun:
         said.append(
             "bodies begin with velocities that their links forbid: these were made to agree at once by impulses of the links, which keep "
-            f"momentum and moment of momentum and took {linked:.4g} of their {begun:.4g} J"
+            f"momentum and moment of momentum and took {linked:.4g} of their {begun:.4g} J{given}"
         )
     return tuple(said)
 

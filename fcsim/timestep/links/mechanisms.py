@@ -36,12 +36,7 @@ def mechanisms(model: Model, linkage: Linkage | None, scheme: Scheme, state: Sta
     positions = model.positions(state.x)
     centre, size = positions.mean(axis=0), float(np.ptp(positions, axis=0).max())
     each = 3 * d - 3
-    E = _motions(model, state.x, positions, centre, size)
-    rows = linkage.rows(state.x)
-    holding = linkage.matrix(rows, state.x, balanced=False).tocsc()[:, np.flatnonzero(linkage.stiffness > 0)]
-    held = np.array([model.driven_share(column) for column in E.T]).T
-    _, values, motions = np.linalg.svd(np.concatenate([holding.T @ E, held[np.any(held, axis=1)], np.zeros((each * count, E.shape[1]))]))
-    free = motions[values < FREE * max(float(values[0]), 1e-300)].reshape(-1, count, each)
+    free = _free(model, linkage, state.x, _motions(model, state.x, positions, centre, size)).reshape(-1, count, each)
     if not len(free):
         return
     soft = {number for group in model.groups if not group.finite for number in group.members.tolist()}
@@ -63,6 +58,21 @@ def mechanisms(model: Model, linkage: Linkage | None, scheme: Scheme, state: Sta
             "motion, or rigid bodies, which hang where their links pull them"
         )
         return
+
+
+def free_motions(model: Model, linkage: Linkage, state: State) -> FloatArray:
+    """Velocities (n_dofs, k) of the motions without a strain that supports and links leave the bodies, turns by 1 / the model's size."""
+    positions = model.positions(state.x)
+    E = _motions(model, state.x, positions, positions.mean(axis=0), float(np.ptp(positions, axis=0).max()))
+    return E @ _free(model, linkage, state.x, E).T
+
+
+def _free(model: Model, linkage: Linkage, x: FloatArray, E: FloatArray) -> FloatArray:
+    """The combinations (k, .) of the motions E (n_dofs, .) that supports and links leave in the configuration x (n_dofs,)."""
+    holding = linkage.matrix(linkage.rows(x), x, balanced=False).tocsc()[:, np.flatnonzero(linkage.stiffness > 0)]
+    held = np.array([model.driven_share(column) for column in E.T]).T
+    _, values, motions = np.linalg.svd(np.concatenate([holding.T @ E, held[np.any(held, axis=1)], np.zeros((E.shape[1],) * 2)]))
+    return np.asarray(motions[values < FREE * max(float(values[0]), 1e-300)])
 
 
 def left(error: KinematicsLeft, model: Model, linkage: Linkage | None, scheme: Scheme, state: State) -> KinematicsLeft:

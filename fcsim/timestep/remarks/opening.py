@@ -15,6 +15,7 @@ from fcsim.linkage import Linkage
 from fcsim.mesh.part import Body
 from fcsim.timestep.chain import SolverSettings
 from fcsim.timestep.links.mechanisms import mechanisms
+from fcsim.timestep.links.undetermined import undetermined_forces
 from fcsim.timestep.remarks.falling import falling
 from fcsim.timestep.remarks.locked_joints import locked_joints
 from fcsim.timestep.remarks.of_laws.begun_anew import begun_anew
@@ -74,6 +75,7 @@ def opening_remarks(
     found += [unused_velocities(model, scheme, state), begun_anew(scheme, state)]
     if linkage is not None:
         found += [locked_joints(model, linkage, detector, positions), mechanisms(model, linkage, scheme, state)]
+        found.append(undetermined_forces(model, linkage, state))
     if not linked:
         found.append(free_to_turn(model, scheme))
     if not linked and not upwards:

@@ -107,6 +107,16 @@ def test_a_driven_wall_that_strikes_gives_as_much_as_is_lost() -> None:
     assert "took 0.25 of their 0.125 J and of 0.5 J that supports gave," in told
 
 
+def test_a_driven_wall_that_a_joint_holds_something_to_gives_as_much_as_is_lost() -> None:
+    """As the wall that strikes; impulses of links were said to take 0.25 J of 0.125 J."""
+    bodies = [rigid_box("wall", (0.1, 0.5, 0.5), (-0.05, 0, 0), 1.0), rigid_box("box", (0.1, 0.1, 0.1), (0.15, 0, 0), 2.0)]
+    model = build_model(bodies, supports=[Support("wall", ("x",), velocity=0.5), Support("wall", ("y", "z", "rx", "ry", "rz"))])
+    linkage = Linkage(model, [Ball("joint", "wall", "box", (0.15, 0.0, 0.0))])
+    first = next(iter(Simulation(model, Everything(model, mu=0.0), Theta(1e-3), 1, linkage=linkage)))
+    assert first.energy.support_work == pytest.approx(0.5)
+    assert any(told.endswith("took 0.25 of their 0.125 J and of 0.5 J that supports gave") for told in first.remarks)
+
+
 @pytest.mark.parametrize("spin", [5.0, 20.0])
 @pytest.mark.parametrize("phase", [0.0, 0.5])
 def test_a_ring_that_spins_on_a_peg_begins_without_overlap(spin: float, phase: float) -> None:
