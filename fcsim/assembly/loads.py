@@ -202,7 +202,9 @@ def load_vector(layout: BodyLayout, load: Load) -> FloatArray:
     given = load.traction if isinstance(load, Traction) else load.density
     values = numbers_of(given)
     if values.shape != (d,) or not np.all(np.isfinite(values)):
-        raise InputError(f"{type(load).__name__} on body {load.body!r}: expected {d} components, finite numbers, got {shown(given)}")
+        raise InputError(
+            f"{type(load).__name__} on body {load.body!r}: expected {d} components, finite numbers, got {shown(given)}{_by_factor(given)}"
+        )
     in_part_axes = body.rotation.T @ values
     if isinstance(load, Traction):
         nodal = elasticity.traction(body.part, load.surface, in_part_axes)
@@ -249,9 +251,13 @@ def _force_and_moment(d: int, load: Force | FollowerForce | ForceAtPoint) -> tup
     if len(force) != d or len(turn) != count or np.ndim(load.force) != 1 or not np.all(np.isfinite(values)):
         raise InputError(
             f"{type(load).__name__} on body {load.body!r}: expected {d} force and {count} moment components, finite numbers, got "
-            f"{shown(load.force)} and {shown(load.moment)}"
+            f"{shown(load.force)} and {shown(load.moment)}{_by_factor(load.force, load.moment)}"
         )
     return values[:d], values[d:]
+
+
+def _by_factor(*given: object) -> str:
+    return ": how a load changes in time is its factor, a function of the time" if any(map(callable, given)) else ""
 
 
 def turning_force(layout: BodyLayout, load: FollowerForce) -> tuple[IntArray, TurningForce]:

@@ -25,6 +25,7 @@ from fcsim.assembly.loads import Follower, Load, factor_at, load_vector, turned,
 from fcsim.assembly.rigid import RigidBodies, inverse_on, turned_matrices
 from fcsim.assembly.shares.shares import Shares, shares_of
 from fcsim.assembly.supports import DrivenRotation, HeldDofs, Support, held_dofs
+from fcsim.assembly.time_functions import gravity_of
 from fcsim.brief import brief, by_fields, shown
 from fcsim.errors import InputError, asked
 from fcsim.linear.over_ranks.rows import whole
@@ -315,7 +316,7 @@ def build_model(
     *,
     supports: Sequence[Support | DrivenRotation] = (),
     loads: Sequence[Load] = (),
-    gravity: Callable[[float], ArrayLike] | None = None,
+    gravity: ArrayLike | Callable[[float], ArrayLike] | None = None,
     lumped: bool = True,
     alpha: float = 0.0,
     beta: float = 0.0,
@@ -324,7 +325,7 @@ def build_model(
 ) -> Model:
     """Return the model of the bodies, checked: names, surfaces, directions, contradictory supports.
 
-    gravity: function of t giving the acceleration (d,) [m/s^2]; alpha [1/s], beta [s]: Rayleigh damping; lumped or consistent mass.
+    gravity: acceleration (d,) [m/s^2], or a function of t giving it; alpha [1/s], beta [s]: Rayleigh damping; lumped or consistent mass.
     kinematics: "turning" (small strain in frames that turn with the bodies) or "linear" (small rotation too) for the deformable bodies that
     do not name theirs; None: in dynamics "turning" for those whose supports leave them a rotation, "linear" for the others and in
     quasi-statics.
@@ -337,12 +338,10 @@ def build_model(
         raise InputError(f"driven: expected 'eliminated' or 'identity', got {driven!r}")
     if not (is_number(alpha) and is_number(beta) and alpha >= 0 and beta >= 0):
         raise InputError(f"Rayleigh damping: expected alpha >= 0 and beta >= 0, got {shown(alpha)} and {shown(beta)}")
-    if gravity is not None and not callable(gravity):
-        raise InputError(f"gravity: expected a function of the time, as lambda t: (0.0, 0.0, -9.81), got {shown(gravity)}")
     for name, several in (("supports", supports), ("loads", loads)):
         if not isinstance(several, Iterable):
             raise InputError(f"{name}: expected several, in a list, got {type(several).__name__}: write [{type(several).__name__}(...)]")
-    model = Model(ordered, tuple(supports), tuple(loads), gravity, lumped, alpha, beta, driven, kinematics)
+    model = Model(ordered, tuple(supports), tuple(loads), gravity_of(gravity), lumped, alpha, beta, driven, kinematics)
     model.load(0.0)  # these refuse what loads and supports get wrong before the run starts
     model.following.force(np.zeros(model.n_dofs), When.at(0.0))
     model.driven_velocity(0.0)

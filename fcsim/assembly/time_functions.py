@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -44,6 +44,29 @@ class Ramp:
 
     def __call__(self, t: float) -> float:
         return float(np.interp(t, [self.t0, self.t1], [self.start, self.end]))
+
+
+@dataclass(frozen=True)
+class Steady:
+    """The acceleration (d,) [m/s^2], the same at all times."""
+
+    acceleration: tuple[float, ...]
+
+    def __call__(self, t: float) -> tuple[float, ...]:
+        return self.acceleration
+
+
+def gravity_of(given: object) -> Callable[[float], ArrayLike] | None:
+    """A model's gravity as a function of the time; of an acceleration, one that is steady. InputError where it is neither."""
+    if given is None or callable(given):
+        return given
+    acceleration = numbers_of(given)
+    if acceleration.ndim != 1 or not acceleration.size or not np.all(np.isfinite(acceleration)):
+        raise InputError(
+            "gravity: expected an acceleration, as (0.0, 0.0, -9.81) [m/s^2], or a function of the time, as lambda t: (0.0, 0.0, -9.81), "
+            f"got {shown(given)}"
+        )
+    return Steady(tuple(acceleration.tolist()))
 
 
 @dataclass(frozen=True)

@@ -27,7 +27,8 @@ class FrictionTable:
                 raise InputError("mu: expected no body of the name '*', which stands for any body in a table: give it another one")
             for key in mu:
                 if not (isinstance(key, tuple) and len(key) == 2):
-                    raise InputError(f"mu: expected pairs of body names as keys, got {key!r}")
+                    mend = f": of one body with whatever it touches ({key!r}, '*')" if isinstance(key, str) else ""
+                    raise InputError(f"mu: expected pairs of body names as keys, got {key!r}{mend}")
                 unknown = [name for name in key if name != "*" and name not in self._names]
                 if unknown:
                     raise InputError(f"mu: expected names of bodies, or '*', got {unknown[0]!r}")

@@ -177,7 +177,7 @@ def column() -> str:
 # title of the page's entry: the mistake, and what the answer says of the mend
 MISTAKES: Mapping[str, tuple[Callable[[], object], str]] = {
     "Gravity points upwards": (lambda: said(scene(gravity=lambda t: (0, 0, 9.81)), steps=1), "Downwards its last component is negative"),
-    "Gravity is a vector": (lambda: scene(gravity=(0, 0, -9.81)), "as lambda t: (0.0, 0.0, -9.81)"),
+    "Gravity is a number": (lambda: scene(gravity=-9.81), "expected an acceleration, as (0.0, 0.0, -9.81)"),
     "Nothing is held": (lambda: said(scene(supports=[]), steps=1), "Hold the floor: Support('floor'"),
     "theta below one half": (lambda: said(scene(), scheme=Theta(1e-3, 0.4), steps=1), "expected theta from 1/2"),
     "A pair of surfaces is forgotten": (forgotten_pair, "Add a SurfacePair, or take Everything(model, ...)"),

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from itertools import pairwise
 from types import ModuleType
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fcsim.arrays import is_number, numbers_of
+from fcsim.arrays import is_number
 from fcsim.brief import shown
 from fcsim.errors import InputError
 from fcsim.mesh.blocks import part_from_gmsh
 from fcsim.mesh.material import Material
 from fcsim.mesh.part import Part
 from fcsim.mesh.solids.closed_surface import ClosedSurface
+from fcsim.mesh.solids.outline import outline_of
 from fcsim.runtime import gmsh_model
 
 
@@ -32,20 +35,22 @@ def meshed_solid(surface: ClosedSurface, material: Material, size: float) -> Par
         return _meshed(gmsh, surface.name, material, (3, [volume]), (2, faces), box)
 
 
-def meshed_polygon(name: str, points: ArrayLike, material: Material, size: float, *, thickness: float = 1.0) -> Part:
-    """Return the plane part within a polygon of corners (n, 2) [m], with the surface "skin"; cells of about `size` [m].
+def meshed_polygon(
+    name: str, points: ArrayLike, material: Material, size: float, *, thickness: float = 1.0, holes: Sequence[ArrayLike] = ()
+) -> Part:
+    """Return the plane part within a polygon of corners (n, 2) [m] and around its holes, with the surface "skin".
 
-    Four corners: structured quadrilaterals; other shapes: triangles. In plane strain; thickness [m].
+    Cells of about `size` [m]; of four corners structured quadrilaterals, of others triangles. In plane strain; thickness [m]. InputError:
+    see `outline_of`.
     """
     _checked(name, size)
-    p = numbers_of(points)
-    if p.ndim != 2 or p.shape[1] != 2 or len(p) < 3 or not np.isfinite(p).all():
-        raise InputError(f"polygon {name!r}: expected at least three finite corners of shape (n, 2), got shape {p.shape}")
+    loops = outline_of(name, points, holes)
     with gmsh_model(name) as gmsh:
-        corner = [gmsh.model.geo.addPoint(x, y, 0.0, size) for x, y in p.tolist()]
-        lines: dict[tuple[int, int], int] = {}
-        face = gmsh.model.geo.addPlaneSurface([_loop(gmsh, corner, lines, tuple(range(len(p))))])
-        return _meshed(gmsh, name, material, (2, [face]), (1, list(lines.values())), len(p) == 4, thickness)
+        corner = [gmsh.model.geo.addPoint(x, y, 0.0, size) for x, y in np.concatenate(loops).tolist()]
+        first, lines = np.cumsum([0, *map(len, loops)]).tolist(), dict[tuple[int, int], int]()
+        curves = [_loop(gmsh, corner, lines, tuple(range(a, b))) for a, b in pairwise(first)]
+        face = gmsh.model.geo.addPlaneSurface(curves)
+        return _meshed(gmsh, name, material, (2, [face]), (1, list(lines.values())), len(corner) == 4, thickness)
 
 
 def _checked(name: str, size: float) -> None:

@@ -38,11 +38,13 @@ def refuse_arguments(simulation: object, model: object, detector: object, scheme
         )
     _refuse_detector_of_others(detector, model)
     refuse_endless(np.array(coefficients(detector)))
-    if not hasattr(scheme, "timing"):
-        raise InputError(f"Simulation, scheme: expected one as Theta(h=1e-3), QuasiStatic(h=0.1) or GeneralisedAlpha(...), got {scheme!r}")
+    if isinstance(scheme, type) or not hasattr(scheme, "timing"):
+        got = f"the class {scheme.__name__}" if isinstance(scheme, type) else repr(scheme)
+        raise InputError(f"Simulation, scheme: expected one as Theta(h=1e-3), QuasiStatic(h=0.1) or GeneralisedAlpha(...), got {got}")
     for name, kinds in _KINDS.items():
         if not isinstance(value := getattr(simulation, name), kinds):
-            raise InputError(f"Simulation, {name}: expected {kinds[0].__name__}(...), got {shown(value)}")
+            mend = f": write SolverSettings(name={value!r})" if name == "solver" and isinstance(value, str) else ""
+            raise InputError(f"Simulation, {name}: expected {kinds[0].__name__}(...), got {shown(value)}{mend}")
 
 
 def _refuse_detector_of_others(detector: object, model: Model) -> None:
