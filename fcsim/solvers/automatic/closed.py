@@ -18,15 +18,9 @@ POINTS_2D = 1.5
 """Those in the plane, where an edge is spanned by two, and discs touch in one."""
 SINGLE = 1.5
 """Contacts a pair of bodies up to which they touch in single points, counted by W's rows: 1.0 to 1.2 of spheres, 2.1 to 2.3 of rocks."""
-NEARLY = 0.9
-"""Velocities held, over those that there are, from which a bed is nearly held: 0.96 to 1.2 in beds with friction up to 5, 0.8 in beds of
-rocks, 0.45 to 0.85 of spheres of unlike masses."""
 FACES = 1.3
 """Velocities held, over those that there are, beyond which it is faces that hold: 1.3 to 5 after the first sweeps in walls, towers, layers
 of boxes, at most 1.2 in beds of rocks with up to three points a pair."""
-UNLIKE = 1e3
-"""Largest of the contacts' compliances over the least from which the bodies are of unlike masses: 1e6 and more where masses differ as much,
-6 to 70 in beds of discs, spheres and large friction, 140 to 620 of rocks and noise."""
 KEPT_UP_TO = 20000
 """Contacts up to which sweeps are NNCG from the beginning."""
 
@@ -52,11 +46,6 @@ def in_single_points(race: Race) -> bool:
         blocks = isinstance(W, sp.bsr_array) and W.blocksize == (d, d) and bool(np.all(np.diff(W.indptr) > 0))
         race.single = blocks and race.problem.nc <= SINGLE * _row_patterns(W)
     return race.single
-
-
-def in_spheres(race: Race) -> bool:
-    """Whether bodies in space touch in single points and are not eliminated, as in beds of spheres."""
-    return race.problem.dimension == 3 and not race.prices.in_velocities and race.joints is None and in_single_points(race)
 
 
 def _row_patterns(W: sp.bsr_array) -> int:
@@ -87,11 +76,6 @@ def held(race: Race) -> float:
 def singular_here(race: Race) -> bool:
     """Whether Newton's matrix is sure to be singular here, since the closed contacts hold more velocities than the bodies have."""
     return held(race) > 1
-
-
-def nearly_held(race: Race) -> bool:
-    """Whether the closed contacts hold about as many velocities as the bodies have: few of them slide, as where friction is large."""
-    return held(race) > NEARLY
 
 
 def edges(race: Race) -> bool:
@@ -132,10 +116,9 @@ def elastic_joints(race: Race) -> bool:
     return race.joints is not None and not race.prices.in_velocities
 
 
-def unlike(race: Race) -> bool:
-    """Whether bodies of very unlike masses lie in a bed of grains, told by the contacts' own blocks of W."""
-    compliance = race.problem.compliance
-    return race.joints is None and not edges(race) and not in_blocks(race) and bool(compliance.max() > UNLIKE * compliance.min())
+def in_bed(race: Race) -> bool:
+    """Whether grains lie in a bed, from zero: neither joints nor edges or faces that hold one another."""
+    return race.joints is None and not race.warm and not held_as_blocks(race)
 
 
 def newton_stays(race: Race) -> bool:

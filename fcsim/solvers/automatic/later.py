@@ -1,4 +1,4 @@
-"""When the later stages of `auto` enter: ADMM in the place of sweeps, paths, least squares, and proximal Newton from zero."""
+"""When the later stages of `auto` enter: interior points, paths, least squares, and proximal Newton from zero."""
 
 from __future__ import annotations
 
@@ -8,14 +8,12 @@ from fcsim.solvers.automatic.closed import (
     closed,
     faces,
     held_as_blocks,
+    in_bed,
     in_single_points,
-    in_spheres,
-    nearly_held,
     on_springs,
     singular_here,
-    unlike,
 )
-from fcsim.solvers.automatic.expected import FAR, PROXIMAL_ALONE, at_first, swept
+from fcsim.solvers.automatic.expected import FAR, PROXIMAL_ALONE, at_first
 from fcsim.solvers.automatic.first import proximal_is_due
 from fcsim.solvers.automatic.methods import OVERTAKEN
 from fcsim.solvers.automatic.race import Race, Runner
@@ -31,24 +29,19 @@ PIECES_OF_EDGES, PIECES_OF_FACES = 1.0, 0.5
 median, and 1 to 3 in edges."""
 PATHS_IN_W = 100
 """Contact unknowns up to which paths are followed in W, whose eliminations are of all of it: in beds of 150 they held others up."""
-INTERIOR_OF_BLOCKS, INTERIOR_OF_BEDS = 10, 20
-"""Iterations of an interior point that proximal Newton still needs when that enters in blocks, and that it has spent in beds of grains. An
-interior point takes 7 to 30 in faces, 18 to 60 in edges, 22 to 100 in beds of grains."""
+INTERIOR_OF_BLOCKS = 10
+"""Iterations of an interior point that proximal Newton still needs when that enters in blocks. An interior point takes 7 to 30 in faces,
+18 to 60 in edges, 22 to 100 in beds of grains."""
 BESIDE = 1e-4
 """Error below which an interior point in blocks has little to gain, since it begins with large products again."""
 FALLS = 1.4
 """Factor by which the last third of an interior point's iterations brings the root of tau down on a central path that leads on."""
 LEADS = 20
 """Its iterations within which each tenfold fall of that comes there: 8 to 14 on paths that arrive, 190 on one that crept for 422."""
-PATHS_OF_BEDS = 3
-"""Paths that an interior point follows one after the other in beds of grains: of 28 that arrived there 8 did by the first one, 6 by the
-second, 8 by the third, 6 by the three after it."""
 PROOF_AFTER = 2.0
 """Times what a proof costs that others have spent when it enters: where there is a solution that costs half as much more at the most."""
-STUCK, FRESH, FRESH_IN_W = 100, 250, 150
-"""Iterations of proximal Newton after which it may be stuck, those after which a fresh start is due where it is, and those after which one
-is due in any case in beds of spheres whose bodies are not eliminated: of sixteen that sweeps do not solve (300 contacts, 1e-8, 0.6 s) a
-fresh start by another metric solved all, the first one thirteen, in 0.4 to 10 times its time."""
+STUCK, FRESH = 100, 250
+"""Iterations of proximal Newton after which it may be stuck, and those after which a fresh start is due where it is."""
 
 REACH = 3.0
 """Times the tolerance below which the best iterate is about to be good enough: who begins at zero has farther to go."""
@@ -75,22 +68,10 @@ def within_reach(race: Race) -> bool:
     return race.best < REACH * race.monitor.tol and runner is not None and not stuck_for_long(runner)
 
 
-def in_place_of_sweeps(race: Race) -> bool:
-    """Whether ADMM is to do what sweeps do not: these stand still in a bed of grains whose contacts nearly hold the bodies, as where
-    friction is large, and proximal Newton is past the iterations that are its own and the cost of ADMM's first ones."""
-    if race.warm or race.joints is not None or not race.prices.in_velocities or swept(race) < float("inf"):
-        return False
-    runner = race.runners.get("proximal Newton")
-    if runner is None or (runner.result is None and at_first(runner)):
-        return False
-    if within_reach(race):
-        return False
-    return runner.spent >= race.prices.splitting(race.options.splitting) and nearly_held(race) and not held_as_blocks(race)
-
-
 def enter_interior(race: Race) -> bool:
-    """Proximal Newton, from zero, is past the iterations that are its own; in blocks it needs more by its rate than an interior point
-    mostly costs, in beds of grains it has spent as much. A proof that there is nothing to arrive at goes first."""
+    """Proximal Newton, from zero, is past the iterations that are its own, and in blocks needs more by its rate than an interior point
+    mostly costs: in beds of grains one of the two mostly arrives, which is not known before. A proof that there is nothing to arrive at
+    goes first."""
     runner = race.runners.get("proximal Newton")
     if runner is None:
         return interior_opens(race) and proximal_is_due(race)
@@ -102,7 +83,7 @@ def enter_interior(race: Race) -> bool:
         return False
     if held_as_blocks(race):
         return race.best > BESIDE and runner.needs() > INTERIOR_OF_BLOCKS * race.prices.interior
-    return runner.spent > INTERIOR_OF_BEDS * race.prices.interior and not within_reach(race)
+    return not within_reach(race)
 
 
 def interior_opens(race: Race) -> bool:
@@ -156,27 +137,24 @@ def on_a_path(runner: Runner) -> bool:
 
 def interior_alone(race: Race, runner: Runner) -> bool:
     """Whether an interior point goes on alone: on a path that leads on, in edges and faces down to the error below which proximal Newton
-    and sweeps, which take up its iterate, are the quicker ones; in beds of spheres from a lost path to the next one, too."""
+    and sweeps, which take up its iterate, are the quicker ones; in beds of discs as long as nobody has begun beside it and the sweeps."""
     if held_as_blocks(race):
         return on_a_path(runner) and race.best > BESIDE
-    paths = runner.monitor.paths
-    most = PATHS_OF_BEDS if race.problem.dimension == 3 and not race.prices.in_velocities else 1
-    next_is_due = paths[-1:] == [[]] and 1 < len(paths) <= most
-    return next_is_due or on_a_path(runner)
+    return interior_opens(race)
 
 
 def enter_paths(race: Race) -> bool:
     """Rigid bodies whose contacts hold more than their velocities, and proximal Newton has not arrived where easy problems do; a proof that
     there is nothing to arrive at goes first. From zero, where edges or faces hold one another, whose paths are of about
     a piece a contact, or half of one, once others have spent as much; in beds of grains beside proximal Newton, which may cycle near a
-    solution to which a path of some pieces leads, but where masses are unlike only where that is stuck."""
+    solution to which a path of some pieces leads."""
     runner = race.runners.get("proximal Newton")
     if runner is None or (race.best > FAR and not race.over("proof")):
         return False
     if not race.prices.in_velocities:
         return not race.warm and race.joints is None and race.problem.m <= PATHS_IN_W and stuck(runner, PATHS_AFTER)
     if not race.warm and not held_as_blocks(race):
-        due = runner.monitor.iterations >= PATHS_AFTER and not at_first(runner) and not unlike(race)
+        due = runner.monitor.iterations >= PATHS_AFTER and not at_first(runner)
         return stuck_for_long(runner) or due
     if interior_is_first(race):
         return False
@@ -224,10 +202,11 @@ def stuck_for_long(runner: Runner) -> bool:
 
 
 def enter_from_zero(race: Race) -> bool:
-    """Where proximal Newton from the best iterate ended, or has made the error no tenth smaller in half of many iterations."""
+    """Where proximal Newton from the best iterate ended, or has made the error no tenth smaller in half of many iterations; in beds of
+    grains where the interior point has ended, whose share it takes."""
     runner = race.runners.get("proximal Newton")
     if runner is None:
         return not race.running() and race.over("proximal Newton")
     if race.warm:
         return not race.running() and runner.result is not None
-    return stuck_for_long(runner) or (in_spheres(race) and runner.monitor.iterations >= FRESH_IN_W and not at_first(runner))
+    return stuck_for_long(runner) or (in_bed(race) and race.over("interior point") and not at_first(runner))

@@ -22,7 +22,7 @@ from fcsim.errors import InputError
 from fcsim.problem import LocalProblem
 from fcsim.problem.distributed import DistributedDelassus
 from fcsim.solvers.automatic import methods
-from fcsim.solvers.automatic.closed import closed, elastic_joints, faces, held_as_blocks, on_springs, singular_here
+from fcsim.solvers.automatic.closed import closed, elastic_joints, faces, held_as_blocks, in_bed, on_springs, singular_here
 from fcsim.solvers.automatic.costs import Prices
 from fcsim.solvers.automatic.expected import FAR, at_first, dearer_than_newton, opening, sweeps_lead_on, swept
 from fcsim.solvers.automatic.first import JOINTS_SHARE, newton_first, proximal_first, proximal_is_due, splitting_first
@@ -36,7 +36,6 @@ from fcsim.solvers.automatic.later import (
     enter_paths,
     enter_proof,
     exhausted,
-    in_place_of_sweeps,
     interior_alone,
     interior_is_first,
     interior_leads,
@@ -96,8 +95,6 @@ def _share(race: Race) -> int:
 def _enter_splitting(race: Race) -> bool:
     if not race.options.splitting:
         return False
-    if in_place_of_sweeps(race) and race.best > BESIDE:
-        return True
     if race.best <= FAR:
         return False
     if splitting_first(race):
@@ -173,25 +170,18 @@ def _share_of_sweeps(race: Race) -> float:
 
 
 def _share_of_splitting(race: Race) -> float:
-    """ADMM does not take up another's iterate: near a solution and far behind the best one it has little hope, whatever its rate, unless
-    it has come for the sweeps; in beds of grains below 1e-4 beside an interior point it has little in any case."""
+    """ADMM does not take up another's iterate: near a solution and far behind the best one it has little hope, whatever its rate."""
     behind = race.best < FAR and race.runners["splitting"].monitor.best > BEHIND * race.best
-    if race.best <= BESIDE and beside_interior(race):
-        return LITTLE
-    return LITTLE if behind and not in_place_of_sweeps(race) else 1.0
+    return LITTLE if behind or beside_interior(race) else 1.0
+
+
+def _share_in_beds(race: Race) -> float:
+    """Of paths and least squares: in beds from zero proximal Newton and an interior point share alike, others a quarter."""
+    return LITTLE if in_bed(race) else 1.0
 
 
 def _splitting(race: Race, monitor: ShareOfMonitor) -> Turns:
-    if race.joints is not None:
-        return methods.splitting(race, monitor, methods.SPLITTING_OF_JOINTS)
-    if in_place_of_sweeps(race):
-        return methods.splitting(race, monitor, methods.SPLITTING_OF_BEDS)
-    return methods.splitting(race, monitor, methods.SPLITTING, methods.SPLITTING_OF_BEDS, lambda: _anew(race))
-
-
-def _anew(race: Race) -> bool:
-    """Whether ADMM, which came as it does elsewhere, is to do what sweeps do not and does not get on by its own rule."""
-    return in_place_of_sweeps(race) and not _on_track(race, race.runners["splitting"])
+    return methods.splitting(race, monitor, methods.SPLITTING if race.joints is None else methods.SPLITTING_OF_JOINTS)
 
 
 def _plateau(race: Race, runner: Runner) -> bool:
@@ -215,14 +205,13 @@ STAGES: tuple[Stage, ...] = (
     Stage(
         "splitting",
         "ADMM. Enters far from a solution where the sweeps need more than its factor costs, in joints where Newton costs more; after "
-        "proximal Newton's first iterations where that is in the bodies' velocities; in beds of grains that nearly hold their bodies once "
-        "the sweeps stand still. "
+        "proximal Newton's first iterations where that is in the bodies' velocities. "
         "Goes on alone as long as each share of iterations brings the error down tenfold.",
         enters=_enter_splitting,
         turns=_splitting,
         price=lambda race: race.prices.admm,
         alone=_on_track,
-        steady=lambda race: race.best <= BESIDE or not in_place_of_sweeps(race),
+        steady=lambda race: True,
         left=lambda race, runner: race.joints is not None and not _on_track(race, runner),
         share=_share_of_splitting,
     ),
@@ -258,8 +247,8 @@ STAGES: tuple[Stage, ...] = (
     Stage(
         "interior point",
         "IPM-COULOMB, in blocks from the best iterate, in beds of grains from zero. Enters, in a problem from zero, where proximal Newton "
-        "has ended or is past its own iterations and in beds has spent, in blocks needs as much as an interior point costs. Alone on a "
-        "central path that leads on.",
+        "has ended or is past its own iterations, in blocks if it needs as much as an interior point costs. In beds both share alike; "
+        "alone on a central path that leads on in blocks, and in beds of discs, where it goes before proximal Newton.",
         enters=enter_interior,
         turns=methods.interior,
         price=lambda race: race.prices.interior,
@@ -269,11 +258,12 @@ STAGES: tuple[Stage, ...] = (
         "paths",
         "PROX-PATH. Enters after 30 to 60 iterations of proximal Newton in the velocities of rigid bodies, where the closed contacts hold "
         "more velocities than the bodies have; from zero in edges and faces, once others have spent a piece a contact, or half of one; in "
-        "beds from zero after 60 of its iterations. "
+        "beds from zero after 60 of its iterations, at a quarter of a share. "
         "Works alone from a warm start, in edges and faces until it has spent twice as much as all others.",
         enters=enter_paths,
         turns=methods.paths,
         price=lambda race: race.prices.piece,
+        share=_share_in_beds,
         alone=lambda race, runner: race.warm or (held_as_blocks(race) and runner.spent < PATHS_ALONE * (race.spent() - runner.spent)),
     ),
     Stage(
@@ -292,6 +282,7 @@ STAGES: tuple[Stage, ...] = (
         enters=enter_least_squares,
         turns=methods.least_squares,
         price=lambda race: race.prices.least_squares(closed(race)),
+        share=_share_in_beds,
     ),
     Stage(
         "least squares again",
@@ -303,8 +294,8 @@ STAGES: tuple[Stage, ...] = (
     ),
     Stage(
         "proximal Newton from zero",
-        "Enters where proximal Newton from the best iterate has ended, or has long made the error no tenth smaller: beds of grains with "
-        "large friction, where that lies in a valley that proximal Newton does not leave.",
+        "Enters where proximal Newton from the best iterate has ended, or has long made the error no tenth smaller, as in a valley that it "
+        "does not leave; in beds of grains once the interior point has ended.",
         enters=enter_from_zero,
         turns=methods.proximal_from_zero,
         price=lambda race: race.prices.running(closed(race)),

@@ -56,7 +56,7 @@ class Shown:
 @dataclass
 class State:
     """A race of ten contacts: prices are 1 a sweep, 10 an iteration of Newton or proximal Newton, 15 of an interior
-    point, 100 ADMM's factor and 2 an iteration; spread: the contacts' largest compliance over the least."""
+    point, 100 ADMM's factor and 2 an iteration."""
 
     best: float = AFAR
     tol: float = 1e-8
@@ -78,7 +78,6 @@ class State:
     shares: object = None
     single: bool | None = None
     motion: object = None
-    spread: float = 1.0
     runners: dict[str, Shown] = field(default_factory=dict)
 
     @property
@@ -89,10 +88,7 @@ class State:
     def problem(self) -> Any:
         W = sp.csr_array(np.eye(1)) if self.sparse else np.eye(1)
         delassus = SimpleNamespace(shares=self.shares, size=self.nc * self.dimension, motion=self.motion)
-        compliance = np.array([1.0, self.spread])
-        return SimpleNamespace(
-            nc=self.nc, dimension=self.dimension, m=self.nc * self.dimension, W=W, delassus=delassus, compliance=compliance
-        )
+        return SimpleNamespace(nc=self.nc, dimension=self.dimension, m=self.nc * self.dimension, W=W, delassus=delassus)
 
     @property
     def prices(self) -> Any:
