@@ -1,14 +1,15 @@
 """Proofs that a frictional contact problem has no solution.
 
-Two are looked for:
+Three are looked for:
 
+* A contact whose row of W is zero, which no reaction moves, and whose q_N < 0.
 * Squeezed bodies: weights y >= 0 of the contacts with W^T N y = 0, N the normals, and q_N . y < 0. Then y . u_N = y . q_N + r . W^T N y
   = y . q_N < 0 for every r, so that no reactions whatever keep u_N >= 0 (Farkas' lemma: there is such a y or there are such r; J. Farkas,
   J. Reine Angew. Math. 124, 1902). In mechanics y is a self-stress of normal forces on which what is prescribed does work.
 * In 2D, a few contacts that share no body with others: each is open, sticks or slides one way or the other, and each of these 4^k cases
   is a linear programme; where none has a solution there is none (P. Painlevé's rods, C. R. Acad. Sci. 121, 1895).
 
-Between the two a problem may have no solution that nothing here proves.
+Between these a problem may have no solution that nothing here proves.
 """
 
 from __future__ import annotations
@@ -91,8 +92,12 @@ def squeezed(problem: LocalProblem, beyond: float = REACTIONS) -> Certificate | 
     diagonal = np.abs(W.diagonal())
     if not speed or not np.any(q_N < 0):
         return None
+    if (contact := unmoved(problem)) is not None:
+        direction = np.zeros(problem.m)
+        direction[d * contact] = 1.0
+        return Certificate(np.array([contact]), direction, float("inf"))
     if not diagonal.any():
-        return None if abs(W).max() > 0 else _nothing_moves(problem)
+        return None
     own = 1 / np.sqrt(np.maximum(diagonal, HEAVIEST * diagonal.max()))
     of_body = motion is not None and motion.own is None
     E = _self_stress(motion, d) if of_body and motion is not None else sp.diags_array(own) @ sp.csr_array(W[::d].T)
@@ -117,6 +122,18 @@ def squeezed(problem: LocalProblem, beyond: float = REACTIONS) -> Certificate | 
     return Certificate(np.flatnonzero(y), direction, reactions)
 
 
+def unmoved(problem: LocalProblem) -> int | None:
+    """The contact that is driven together fastest of those that no reactions move along their normals (links or supports hold both sides):
+    their rows of W are zero; None where there is none."""
+    d, q_N = problem.dimension, problem.q[:: problem.dimension]
+    still = np.flatnonzero((problem.diagonal_blocks[:, 0, 0] == 0) & (q_N < 0))
+    if not len(still):
+        return None
+    W = problem.W if isinstance(problem.W, np.ndarray) else sp.csr_array(problem.W)
+    still = still[abs(W[d * still]).sum(axis=1) == 0]
+    return int(still[q_N[still].argmin()]) if len(still) else None
+
+
 def _exact(E: sp.csc_array, y: FloatArray) -> FloatArray:
     """y (nc,) >= 0 with E y = 0 to round-off where that takes changes of what bears alone, and small ones; else y as it is."""
     bears = np.flatnonzero(y)
@@ -130,14 +147,6 @@ def _exact(E: sp.csc_array, y: FloatArray) -> FloatArray:
     exact = y.copy()
     exact[bears] -= left
     return exact
-
-
-def _nothing_moves(problem: LocalProblem) -> Certificate:
-    """W = 0: the contact that is driven together fastest stays so under any reactions."""
-    contact = int(problem.q[:: problem.dimension].argmin())
-    direction = np.zeros(problem.m)
-    direction[problem.dimension * contact] = 1.0
-    return Certificate(np.array([contact]), direction, float("inf"))
 
 
 def _self_stress(motion: Motion, dimension: int) -> sp.csr_array:

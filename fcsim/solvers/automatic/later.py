@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from fcsim.problem.infeasible import unmoved
 from fcsim.solvers.automatic.closed import (
     closed,
     faces,
@@ -169,9 +170,18 @@ def enter_paths(race: Race) -> bool:
     return runner.result is not None or done >= PATHS_AFTER or (done >= PATHS_SOON and runner.needs() > runner.spent)
 
 
+def still(race: Race) -> bool:
+    """Whether bodies approach where no reaction moves them, by more than an answer may miss: told by W alone, once."""
+    if race.still is None:
+        contact, monitor = unmoved(race.problem), race.monitor
+        race.still = contact is not None and bool(-race.problem.q[race.problem.dimension * contact] > monitor.tol * monitor.scale)
+    return race.still
+
+
 def enter_proof(race: Race) -> bool:
-    """Where every contact has a compliance there is a solution: y^T W y > 0."""
-    return "proximal Newton" in race.runners and race.best > FAR and race.spent() > PROOF_AFTER * race.prices.proof and not on_springs(race)
+    """At once where it is plain. Where every contact has a compliance there is a solution: y^T W y > 0."""
+    late = "proximal Newton" in race.runners and race.best > FAR and race.spent() > PROOF_AFTER * race.prices.proof
+    return still(race) or (late and not on_springs(race))
 
 
 def enter_least_squares(race: Race) -> bool:

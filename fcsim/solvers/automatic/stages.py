@@ -41,6 +41,7 @@ from fcsim.solvers.automatic.later import (
     interior_leads,
     interior_opens,
     on_a_path,
+    still,
 )
 from fcsim.solvers.automatic.nearby import first_alone
 from fcsim.solvers.automatic.over_ranks import automatic_over_ranks
@@ -269,11 +270,11 @@ STAGES: tuple[Stage, ...] = (
     Stage(
         "proof",
         "A certificate that there is no solution. Enters far from one, once proximal Newton has begun and the others have spent twice as "
-        "much; goes first once they have spent four times as much.",
+        "much; goes first once they have spent four times as much, and at once where bodies approach though no reaction moves them.",
         enters=enter_proof,
         turns=methods.proof,
         price=lambda race: race.prices.proof,
-        alone=lambda race, runner: race.best > FAR and race.spent() > PROOF_SHARE * race.prices.proof,
+        alone=lambda race, runner: still(race) or (race.best > FAR and race.spent() > PROOF_SHARE * race.prices.proof),
     ),
     Stage(
         "least squares",

@@ -43,6 +43,10 @@ only where both come from the same factors."""
 
 _TOUCHED = 1e-12  # of a contact's motion: what links change less is not theirs
 
+NOTHING = 1e-13
+"""Of a contact's own entry of W: what links leave less of is round-off. With it, of either sign, solvers would look for the reaction that
+moves what links hold (a wheel on a pin that is pressed on a wall); without, they see that there is none."""
+
 
 class _Inverse:
     """S^-1 of a symmetric S >= 0, dense or sparse, on its range where rows are redundant.
@@ -227,19 +231,29 @@ class LinkedCompliance:
         touched = np.flatnonzero(np.abs(V).max(axis=1, initial=0.0) > 0)
         tile = V[touched] @ self._inverse(V[touched].T)
         tile = 0.5 * (tile + tile.T)
-        before = W.diagonal()[touched]
-        lost = np.any(before - np.diag(tile) < HELD * before)
+        before = W.diagonal()
+        lost = np.any(before[touched] - np.diag(tile) < HELD * before[touched])
         if lost and not self._flies and self._whole is not None:
-            return self._whole.delassus(own)
+            return _without_noise(self._whole.delassus(own), before)
         if isinstance(W, np.ndarray):
             W = W.copy()
             W[np.ix_(touched, touched)] -= tile
-            return W
+            return _without_noise(W, before)
         rows, columns = np.repeat(touched, len(touched)), np.tile(touched, len(touched))
-        return sp.bsr_array(sp.csr_array(W) - sp.csr_array((tile.ravel(), (rows, columns)), shape=(m, m)), blocksize=(dimension, dimension))
+        left = _without_noise(sp.csr_array(W) - sp.csr_array((tile.ravel(), (rows, columns)), shape=(m, m)), before)
+        return sp.bsr_array(left, blocksize=(dimension, dimension))
 
     def shares(self, H: sp.sparray, dimension: int) -> None:
         """None: links couple the bodies."""
+
+
+def _without_noise[M: (FloatArray, sp.csr_array)](W: M, before: FloatArray) -> M:
+    """W (m, m) without the rows and columns of what links hold, see `NOTHING`; before (m,): its diagonal without links."""
+    moves = W.diagonal() > NOTHING * before
+    if moves.all():
+        return W
+    kept = sp.diags_array(moves.astype(float))
+    return W * np.outer(moves, moves) if isinstance(W, np.ndarray) else sp.csr_array(kept @ W @ kept)
 
 
 def _sparse_factor(S: Matrix) -> Callable[[FloatArray], FloatArray] | None:

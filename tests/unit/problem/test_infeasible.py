@@ -20,6 +20,19 @@ def local(name: str, size: int, seed: int) -> LocalProblem:
     return problem if isinstance(problem, LocalProblem) else reduce(problem).local
 
 
+@pytest.mark.parametrize("share", [1e-2, 1e-4, 1e-6])
+def test_bodies_approach_a_little_where_no_reaction_moves_them(share: float) -> None:
+    """The first contact's row of W is zero, its u_N = q_N < 0 whatever the reactions: seen at once, however slow it is."""
+    W = np.array([[0.0, 0.0, 0.0, 0.0], [0.0, 3.0, 0.0, 1.0], [0.0, 0.0, 2.0, 0.0], [0.0, 1.0, 0.0, 3.0]])
+    q = np.array([-share, -0.24, -1.0, 0.3])
+    result = solve(LocalProblem(W, q, np.array([0.5, 0.5]), dimension=2), "auto")
+    assert result.status is Status.INFEASIBLE and result.iterations < 1000
+    assert result.certificate is not None and result.certificate.direction is not None
+    assert np.array_equal(result.certificate.direction, [1.0, 0.0, 0.0, 0.0]) and np.array_equal(result.certificate.contacts, [0])
+    q[0] = 1e-9 * q[0]  # below the tolerance: r_N = 0 answers
+    assert solve(LocalProblem(W, q, np.array([0.5, 0.5]), dimension=2), "auto").solved
+
+
 @pytest.mark.parametrize("name", ["squeezed", "wedged"])
 @pytest.mark.parametrize("size", [1, 7, 60])
 @pytest.mark.parametrize("mass", [1e-9, 1.0, 1e9])
