@@ -23,7 +23,7 @@ from fcsim.assembly.shares.shares import Shares, runs
 from fcsim.assembly.whole.elastic_matrix import ElasticMatrix, joined
 from fcsim.errors import InputError
 from fcsim.linear.sparse._vectors_kernels import weighted_sum
-from fcsim.ranks import partners, world
+from fcsim.ranks import held_in_common, partners, world
 
 
 class SystemFactor:
@@ -35,6 +35,8 @@ class SystemFactor:
 
     def __init__(self, model: Model, mass: float, stiffness: float, contact_nodes: IntArray) -> None:
         self.model, self.mass, self.stiffness = model, mass, stiffness
+        if model.shares is not None:
+            _keep_in_common(model)
         touched = np.zeros(model.n_nodes, dtype=bool)
         touched[contact_nodes] = True
         self._groups: list[GroupFactor | BodyFactors] = [
@@ -48,7 +50,8 @@ class SystemFactor:
             body = model.rigid[int(np.argmax(model.rigid_free.any(axis=1)))]
             raise InputError(f"rigid body {body.name!r}: it is free to move and has no mass in statics; hold it, or add its mass")
         self._elastic = ElasticMatrix(model, mass, stiffness)
-        self.places = self._bodies_of_dofs()
+        of_dofs, column = self._bodies_of_dofs()
+        self.places = held_in_common(of_dofs), held_in_common(column)
         self.rotation: FloatArray | None = None
         self._where: dict[Shares, tuple[IntArray, IntArray]] = {}  # of this factor and all that follow from it
         self._mine: dict[Shares, tuple[BoolArray, IntArray]] = {}  # see `own_bodies`
@@ -287,3 +290,13 @@ class SystemFactor:
         count = len(self._rigid_inverse)
         own = self._own(np.arange(len(self.model.bodies) - count, len(self.model.bodies)))
         yield from runs(begin, self._rigid_inverse, np.where(own, np.arange(count), -1))
+
+
+def _keep_in_common(model: Model) -> None:
+    """Have what a model keeps, of all nodes or degrees of freedom, in memory that ranks have in common. All ranks must ask."""
+    kept, (place, count) = vars(model), model.place_of_unknowns
+    kept["place_of_unknowns"] = held_in_common(place), count
+    for name in ("reference", "dof_of_node", "free_dofs", "weight_of_units"):
+        kept[name] = held_in_common(getattr(model, name))
+    for group in model.groups:
+        vars(group)["dofs"] = held_in_common(group.dofs)

@@ -144,6 +144,8 @@ class Simulation:
         run gives; without it, up to the solver's tolerance.
         """
         watch = self.watch  # refuses before anything is computed
+        if watch is not None:
+            vars(self)["watch"] = watch = watch.in_common()
         after = after or Moment(0, self.initial or at_rest(self.model, h=self.scheme.h))
         moment = anchor = after if anchor is None or not self.keep or after.number % self.keep == 0 else anchor
         kept: dict[int, Memory] | None = {} if self.keep else None
