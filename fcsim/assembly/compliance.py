@@ -35,8 +35,6 @@ class SystemFactor:
 
     def __init__(self, model: Model, mass: float, stiffness: float, contact_nodes: IntArray) -> None:
         self.model, self.mass, self.stiffness = model, mass, stiffness
-        if model.shares is not None:
-            _keep_in_common(model)
         touched = np.zeros(model.n_nodes, dtype=bool)
         touched[contact_nodes] = True
         self._groups: list[GroupFactor | BodyFactors] = [
@@ -290,13 +288,3 @@ class SystemFactor:
         count = len(self._rigid_inverse)
         own = self._own(np.arange(len(self.model.bodies) - count, len(self.model.bodies)))
         yield from runs(begin, self._rigid_inverse, np.where(own, np.arange(count), -1))
-
-
-def _keep_in_common(model: Model) -> None:
-    """Have what a model keeps, of all nodes or degrees of freedom, in memory that ranks have in common. All ranks must ask."""
-    kept, (place, count) = vars(model), model.place_of_unknowns
-    kept["place_of_unknowns"] = held_in_common(place), count
-    for name in ("reference", "dof_of_node", "free_dofs", "weight_of_units"):
-        kept[name] = held_in_common(getattr(model, name))
-    for group in model.groups:
-        vars(group)["dofs"] = held_in_common(group.dofs)

@@ -11,8 +11,8 @@ from unittest.mock import patch
 import numpy as np
 import scipy.sparse as sp
 
-from fcsim.assembly.compliance import SystemFactor
 from fcsim.assembly.model import build_model
+from fcsim.assembly.whole.kept_once import keep_in_common
 from fcsim.contact_detection import Contacts, ContactSurface, Detector, SurfacePair, contact_matrix_of_bodies, node_to_segment
 from fcsim.contact_detection.frames import frames
 from fcsim.contact_law.one_point import at_one_point
@@ -90,7 +90,7 @@ def held(world: World | None) -> list[str]:
     assert own is numbers and not in_common(few)
     facet = {"face": np.array([[0, 1, 2]])}
     model = build_model([RigidBody(name, 2.0, np.eye(3), np.zeros(3), points, facet) for name in ("one", "other")])
-    SystemFactor(model, 1.0, 0.0, np.arange(4))
+    keep_in_common(model)
     kept = [once, model.reference, model.dof_of_node]
     assert all(in_common(array) == (world is not None) for array in kept)
     assert np.array_equal(model.reference, np.concatenate([points, points]))
