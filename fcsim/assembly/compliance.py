@@ -23,7 +23,7 @@ from fcsim.assembly.shares.shares import Shares, runs
 from fcsim.assembly.whole.elastic_matrix import ElasticMatrix, joined
 from fcsim.errors import InputError
 from fcsim.linear.sparse._vectors_kernels import weighted_sum
-from fcsim.ranks import partners, world
+from fcsim.ranks import held_in_common, partners, world
 
 
 class SystemFactor:
@@ -48,7 +48,8 @@ class SystemFactor:
             body = model.rigid[int(np.argmax(model.rigid_free.any(axis=1)))]
             raise InputError(f"rigid body {body.name!r}: it is free to move and has no mass in statics; hold it, or add its mass")
         self._elastic = ElasticMatrix(model, mass, stiffness)
-        self.places = self._bodies_of_dofs()
+        of_dofs, column = self._bodies_of_dofs()
+        self.places = held_in_common(of_dofs), held_in_common(column)
         self.rotation: FloatArray | None = None
         self._where: dict[Shares, tuple[IntArray, IntArray]] = {}  # of this factor and all that follow from it
         self._mine: dict[Shares, tuple[BoolArray, IntArray]] = {}  # see `own_bodies`

@@ -213,7 +213,7 @@ class Model(BodyLayout):
         return self.matrix(self.alpha, self.beta)
 
     @cached_property
-    def _weight_of_units(self) -> FloatArray:
+    def weight_of_units(self) -> FloatArray:
         """M e (d, n_dofs) [kg] of the accelerations 1 along each axis: four loads a step ask for gravity."""
         along = np.zeros((self.dimension, self.n_dofs))
         for i, acceleration in enumerate(along):
@@ -224,7 +224,7 @@ class Model(BodyLayout):
     @cached_property
     def body_mass(self) -> FloatArray:
         """(nbodies,) [kg]."""
-        return np.asarray(np.add.reduceat(self._weight_of_units[0], self.dof_offset[:-1]), dtype=np.float64)
+        return np.asarray(np.add.reduceat(self.weight_of_units[0], self.dof_offset[:-1]), dtype=np.float64)
 
     @cached_property
     def _load_vectors(self) -> tuple[FloatArray, ...]:
@@ -244,7 +244,7 @@ class Model(BodyLayout):
     def load(self, t: float, x: FloatArray | None = None) -> FloatArray:
         """External forces (n_dofs,) [N] at time t: gravity and the loads; followers of rigid bodies as they stand at x (default: the
         reference). Without what follows deformable bodies, which is part of what a step solves for: see `following`."""
-        force = np.zeros(self.n_dofs) if self.gravity is None else weight(self._weight_of_units, self.gravity_at(t))
+        force = np.zeros(self.n_dofs) if self.gravity is None else weight(self.weight_of_units, self.gravity_at(t))
         for load, vector in zip(self.loads, self._load_vectors, strict=True):
             if any(load is other for other in self.following.loads):
                 continue

@@ -23,6 +23,7 @@ from fcsim.problem._delassus_kernels import (
     union_of_neighbours,
     weights_from,
 )
+from fcsim.ranks import digest_of
 from fcsim.threads import pieces_by_work, side_by_side
 
 WORK_A_PIECE = 15_000
@@ -61,7 +62,7 @@ class _Entries:
     """Makes h of H by bodies: where H has entries where the last two had them, contacts of the same bodies, from its values alone."""
 
     def __init__(self) -> None:
-        self._last: tuple[tuple[IntArray, ...], tuple[int, int], tuple[IntArray, ...], IntArray | None] | None = None
+        self._last: tuple[bytes, tuple[int, int], tuple[IntArray, ...], IntArray | None] | None = None
         self._kept_as: object = None  # of the last one, see `DelassusSum`
 
     def of(self, H: sp.csc_array, body: IntArray, column: IntArray, count: int, d: int, some: IntArray, kept_as: object = None) -> Entries:
@@ -72,8 +73,8 @@ class _Entries:
             return found
         last = self._last  # read once: threads may ask side by side
         same = last is not None and last[1] == sizes
-        if same and last is not None and (kept_as is None or kept_as is not self._kept_as):
-            same = all(np.array_equal(a, b) for a, b in zip(given, last[0], strict=True))
+        digest = last[0] if same and last is not None and kept_as is not None and kept_as is self._kept_as else digest_of(*given)
+        same = same and last is not None and digest == last[0]
         self._kept_as = kept_as
         if last is not None and same and last[3] is not None:
             first, contacts, begins, unknowns = last[2]
@@ -82,7 +83,7 @@ class _Entries:
         if last is not None and same and H.has_canonical_format:  # a weight is one entry
             self._last = *last[:2], found[:4], self._sources(given, sizes, found)
         elif not same:
-            self._last = tuple(array.copy() for array in given), sizes, found[:4], None
+            self._last = digest, sizes, found[:4], None
         return found
 
     @staticmethod

@@ -8,6 +8,7 @@ methods W with its factor (`fcsim.problem.distributed`). Sharing is asked for, b
 from fcsim.ranks.asked import asked_ranks as asked_ranks
 from fcsim.ranks.asked import own_rank as own_rank
 from fcsim.ranks.asked import ranks_on_this_machine as ranks_on_this_machine
+from fcsim.ranks.digest import digest_of as digest_of
 from fcsim.ranks.mapped_memory import in_common as in_common
 from fcsim.ranks.sharing import alone as alone
 from fcsim.ranks.sharing import end_with as end_with
@@ -23,6 +24,7 @@ from fcsim.ranks.sharing import writes as writes
 from fcsim.ranks.tasks import common_arrays as common_arrays
 from fcsim.ranks.tasks import complete_rows as complete_rows
 from fcsim.ranks.tasks import for_parts as for_parts
+from fcsim.ranks.tasks import held_in_common as held_in_common
 from fcsim.ranks.tasks import in_parts as in_parts
 from fcsim.ranks.tasks import in_pieces as in_pieces
 from fcsim.ranks.tasks import largest as largest

@@ -18,6 +18,9 @@ from fcsim.ranks.mapped_memory import in_common
 from fcsim.ranks.sharing import alone, world
 from fcsim.ranks.world import World
 
+KEPT_FROM = 1 << 16
+"""[bytes] Smaller arrays that all ranks have are each rank's own: they are many, and take little."""
+
 
 def shared_out(what: str, tasks: Sequence[tuple[int, Callable[[], FloatArray]]]) -> list[FloatArray]:
     """What tasks return, in their order: an array of so many numbers each. Rank k of n does those numbered k, k + n, ..., so that every
@@ -87,6 +90,22 @@ def for_parts(shape: tuple[int, ...], least: int, dtype: DTypeLike = np.float64)
         return np.empty(shape, dtype=dtype)
     found = ranks.common.array(shape, dtype)
     return np.empty(shape, dtype=dtype) if found is None else found
+
+
+def held_in_common[T: np.generic](array: NDArray[T]) -> NDArray[T]:
+    """An array that all ranks have alike, and keep, in memory that they have in common, so that a machine has it once; the array itself
+    where there is none. All ranks must ask. From then on nobody writes to it."""
+    if in_common(array) or array.nbytes < KEPT_FROM or threading.current_thread() is not threading.main_thread():
+        return array
+    held = for_parts(array.shape, 0, array.dtype)
+    if not in_common(held):
+        return array
+
+    def copy(begin: int, end: int) -> None:
+        held[begin:end] = array[begin:end]
+
+    in_parts("arrays that all keep", len(held), 0, copy, held)
+    return held
 
 
 def common_arrays(rows: int, least: int, *wanted: tuple[tuple[int, ...], DTypeLike]) -> list[NDArray] | None:

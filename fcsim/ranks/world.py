@@ -25,7 +25,7 @@ from fcsim import runtime
 from fcsim.arrays import FloatArray, IntArray
 from fcsim.errors import FcsimError
 from fcsim.interrupts import Ended, held_back
-from fcsim.ranks._digest_kernels import digest as digest_of_words
+from fcsim.ranks.digest import lanes
 from fcsim.ranks.mapped_memory import CommonMemory
 from fcsim.ranks.neighbours import gone, on_this_machine, stopped, this_process
 
@@ -271,7 +271,7 @@ class World:
         """Drifted where these bytes are not the same on every rank."""
         digest = hashlib.sha256()
         for part in parts:
-            digest.update(part if isinstance(part, bytes) else _lanes(part))
+            digest.update(part if isinstance(part, bytes) else lanes(part))
         mine = np.frombuffer(digest.digest(), dtype=np.int64)
         all_ranks = np.empty((self.size, 4), dtype=np.int64)
         self._agree(what)
@@ -312,16 +312,6 @@ class World:
                 time.sleep(NAP)
         elif self.number:
             time.sleep(LAST_WORD)
-
-
-def _lanes(numbers: NDArray) -> bytes:
-    """What stands for numbers in a digest: of eight bytes each, which are many, a quick one; others themselves."""
-    numbers = np.ascontiguousarray(numbers)
-    if numbers.itemsize != 8:
-        return numbers.tobytes()
-    out = np.empty(4, dtype=np.uint64)
-    digest_of_words(numbers.ravel().view(np.uint64), out)
-    return out.tobytes()
 
 
 def _pickled(error: BaseException) -> bytes:

@@ -14,6 +14,7 @@ from fcsim.assembly.compliance import SystemFactor
 from fcsim.assembly.kinematics.deformation import DeformationMeasure
 from fcsim.assembly.locking import locking_parts
 from fcsim.assembly.model import Model
+from fcsim.assembly.whole.kept_once import keep_in_common
 from fcsim.brief import brief, by_fields, shown
 from fcsim.contact_detection import Detection, left_out
 from fcsim.errors import InputError, Penetration
@@ -144,6 +145,9 @@ class Simulation:
         run gives; without it, up to the solver's tolerance.
         """
         watch = self.watch  # refuses before anything is computed
+        keep_in_common(self.model)
+        if watch is not None:
+            vars(self)["watch"] = watch = watch.in_common()
         after = after or Moment(0, self.initial or at_rest(self.model, h=self.scheme.h))
         moment = anchor = after if anchor is None or not self.keep or after.number % self.keep == 0 else anchor
         kept: dict[int, Memory] | None = {} if self.keep else None

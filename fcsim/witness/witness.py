@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -12,6 +12,7 @@ from fcsim.arrays import FloatArray, IntArray, is_number
 from fcsim.assembly.model import Model
 from fcsim.brief import brief, shown
 from fcsim.errors import InputError
+from fcsim.ranks import held_in_common
 from fcsim.witness.overlap import Overlap, PairOverlaps, measure
 from fcsim.witness.skin import Skins, skins_of
 
@@ -61,6 +62,11 @@ class Watch:
     initial: PairOverlaps
 
     __repr__ = brief
+
+    def in_common(self) -> Watch:
+        """The same with its skins, which stay as they are, in memory that ranks have in common. All ranks must ask."""
+        held = (held_in_common(part) if isinstance(part, np.ndarray) else part for part in self.skins)
+        return replace(self, skins=Skins._make(held))
 
     @property
     def notes(self) -> tuple[str, ...]:

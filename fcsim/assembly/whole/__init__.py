@@ -1,1 +1,1 @@
-"""Matrices of all bodies as a whole, for who reads their entries."""
+"""All bodies as a whole: their matrices for who reads entries, and what ranks keep of them once."""

@@ -12,13 +12,14 @@ import numpy as np
 import scipy.sparse as sp
 
 from fcsim.assembly.model import build_model
+from fcsim.assembly.whole.kept_once import keep_in_common
 from fcsim.contact_detection import Contacts, ContactSurface, Detector, SurfacePair, contact_matrix_of_bodies, node_to_segment
 from fcsim.contact_detection.frames import frames
 from fcsim.contact_law.one_point import at_one_point
 from fcsim.linear.sparse.by_ranks import CONTACTS_FROM, RowsKept, normals_by_ranks, times_by_ranks, transposed_times_by_ranks
 from fcsim.linear.sparse.columns import has_pattern
 from fcsim.mesh.part import RigidBody
-from fcsim.ranks import World, alone, for_parts, in_parts, largest, sharing
+from fcsim.ranks import World, alone, for_parts, held_in_common, in_parts, largest, sharing
 from fcsim.ranks.mapped_memory import in_common
 from fcsim.timestep.reactions import reactions
 from fcsim.timestep.reactions.reactions import Reactions, transferred
@@ -77,6 +78,23 @@ def refused(world: World | None) -> tuple[list[str], bool]:
 
     in_parts("rows", len(rows), 1, work, rows)
     return [digest(rows)], in_common(rows)
+
+
+def held(world: World | None) -> list[str]:
+    """Numbers that all ranks have, and what a model keeps of its nodes, once for all of them; small ones, and one rank's alone, not."""
+    numbers, points = np.sin(np.arange(30_000.0)).reshape(-1, 3), np.random.default_rng(3).standard_normal((4000, 3))
+    once, few = held_in_common(numbers), held_in_common(numbers[:5])
+    with alone():
+        own = held_in_common(numbers)
+    assert in_common(once) == (world is not None) and held_in_common(once) is once
+    assert own is numbers and not in_common(few)
+    facet = {"face": np.array([[0, 1, 2]])}
+    model = build_model([RigidBody(name, 2.0, np.eye(3), np.zeros(3), points, facet) for name in ("one", "other")])
+    keep_in_common(model)
+    kept = [once, model.reference, model.dof_of_node]
+    assert all(in_common(array) == (world is not None) for array in kept)
+    assert np.array_equal(model.reference, np.concatenate([points, points]))
+    return [digest(array) for array in kept]
 
 
 def products() -> list[str]:
@@ -253,6 +271,7 @@ def main(folder: Path) -> None:
             "largest": looked_at(),
             "sent": sent(world),
             "kept": [*kept_rows(), *normals(world), *at_one_place(), *contacts_found(world)],
+            "held": held(world),
             "common": common(world),
             "refused": refused(world),
         }

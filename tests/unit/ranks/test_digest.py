@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from fcsim.arrays import FloatArray
+from fcsim.ranks import digest_of
 from fcsim.ranks._digest_kernels import digest
 
 WORD = 2**64
@@ -48,3 +49,14 @@ def test_last_bits_signs_of_zero_and_places_count() -> None:
         other[[k, k + 1]] = other[[k + 1, k]]
         seen.add(tuple(lanes(other)))
     assert len(seen) == 1 + 37 + 36
+
+
+def test_types_shapes_and_what_is_left_of_a_word_count() -> None:
+    numbers = np.arange(23, dtype=np.int32)
+    others = [numbers.astype(np.int64), numbers[:-1], numbers[1:], numbers[:-1].reshape(2, 11), numbers[:-1].reshape(11, 2)]
+    last = numbers.copy()
+    last[-1] += 1
+    arrays = [numbers, *others, last, numbers.astype(np.float32), numbers > 3, numbers > 22]
+    assert len({digest_of(array) for array in arrays}) == len(arrays)
+    assert digest_of(numbers[1:]) == digest_of(numbers[1:].copy()) and digest_of(numbers[::2]) == digest_of(numbers[::2].copy())
+    assert digest_of(numbers, last) != digest_of(last, numbers)

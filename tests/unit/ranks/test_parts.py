@@ -28,7 +28,7 @@ def test_parts_are_those_of_one_process(mpiexec: Program, tmp_path: Path, expect
         for name in ("rows", "few", "several", "alone"):
             assert own[name][0] == expected[name][0]
         assert own["products"] == expected["products"] and own["largest"] == expected["largest"]
-        assert own["sent"] and own["kept"] == expected["kept"]
+        assert own["sent"] and own["kept"] == expected["kept"] and own["held"] == expected["held"]
         common = own["common"]
         assert common["digests"] == expected["common"]["digests"]
         assert common["sent"] < 1000 and common["still"] and not common["grows"]  # 480 000 bytes are written a time

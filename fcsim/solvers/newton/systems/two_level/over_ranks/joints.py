@@ -13,6 +13,7 @@ import numpy as np
 from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.problem.bodies.shares import EIGEN_UP_TO
 from fcsim.problem.distributed import BodiesOverRanks, ContactParts, DistributedDelassus, Halo, SharesByParts
+from fcsim.ranks import digest_of
 from fcsim.solvers.newton.systems.two_level import _joint_kernels as kernels
 from fcsim.solvers.newton.systems.two_level.joints import JOINT_UP_TO, MOTIONS, SHIFT, WORK_A_PIECE, BodiesBehind, numbers_of_pairs
 from fcsim.solvers.newton.systems.two_level.over_ranks.coarse import CoarsePattern
@@ -76,10 +77,8 @@ class OwnJoints:
         sizes = behind.sizes(layout.world)
         with layout.together("joints of a rank"):
             h = behind.make_h(None)
-            self.entries = (*h[:4], bodies, sizes, behind.rank, *layout.contacts)  # known to all: they take the same decision
-            before = earlier.get("entries")
-            alike = isinstance(before, tuple) and len(before) == len(self.entries)
-            if isinstance(before, tuple) and alike and all(map(np.array_equal, self.entries, before)):
+            self.entries = digest_of(*h[:4], bodies, sizes, behind.rank, *layout.contacts)  # known to all: they take the same decision
+            if self.entries == earlier.get("entries"):
                 vars(self).update(earlier | {"made_of": self.made_of})
         if "halo" not in vars(self):
             self._find_pattern(W, behind, h[:4], sizes)
