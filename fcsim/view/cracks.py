@@ -13,11 +13,9 @@ from fcsim.assembly.model import Model
 from fcsim.errors import InputError
 from fcsim.masonry.openings import Opening
 from fcsim.masonry.problem import MasonryProblem
-from fcsim.view.scene import COLOUR_MAP
+from fcsim.view.joints.draw import HAIR, crack_colours
 from fcsim.view.style import figure, matplotlib, prefixed, save, styled
 
-_HAIR = 1e-3
-"""Of the largest opening: less is drawn as closed."""
 _SUPPORTS = 0.25
 """Of the free blocks' extent: so far beyond them their supports are seen."""
 
@@ -37,11 +35,11 @@ def draw_cracks(problem: MasonryProblem, model: Model, x: FloatArray, joints: tu
         for corners, body, fixed in zip(places, model.bodies, held, strict=True):
             for side in body.surfaces["skin"]:
                 axes.plot(*corners[side].T, color="#8c8c8c" if fixed else "#b0a890", linewidth=0.7, zorder=1)
-        colours = matplotlib().colormaps[COLOUR_MAP]
+        colours = crack_colours()
         for joint in sorted(joints, key=lambda joint: joint.opening):
-            if joint.opening > _HAIR * most:
+            if joint.opening > HAIR * most:
                 share = joint.opening / most
-                axes.plot(*zip(*joint.ends, strict=True), color=colours(0.25 + 0.6 * share), linewidth=1.0 + 5.0 * share, zorder=2)
+                axes.plot(*zip(*joint.ends, strict=True), color=colours(share), linewidth=1.0 + 5.0 * share, zorder=2)
         margin = 0.05 * max(width, height)
         low, high = _seen(places, held)
         axes.set_xlim(low[0] - margin, high[0] + margin)
@@ -52,8 +50,7 @@ def draw_cracks(problem: MasonryProblem, model: Model, x: FloatArray, joints: tu
         axes.grid(False)
         # over the whole figure, however narrow the axes; what matplotlib wraps itself takes no part in its layout, and was cut
         drawing.suptitle(fill(title, 90), x=0.02, horizontalalignment="left", fontsize=10, fontweight="bold")
-        shades = matplotlib().colors.ListedColormap(colours(np.linspace(0.25, 0.85, 256)))
-        bar = matplotlib().cm.ScalarMappable(matplotlib().colors.Normalize(0.0, most / scale), shades)
+        bar = matplotlib().cm.ScalarMappable(matplotlib().colors.Normalize(0.0, most / scale), colours)
         drawing.colorbar(bar, ax=axes, label=f"opening of the joint [{unit}]", shrink=0.8)
         return save(drawing, path)
 
