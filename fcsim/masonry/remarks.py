@@ -54,6 +54,10 @@ def _of_the_model(analysis: LimitAnalysis) -> list[str]:
             f"nothing bears {_named(names, wedged)} from below, nor presses their joints: friction can hold them once they are wedged, "
             "which limit analysis counts; from rest they fall"
         )
+    if analysis.lowest.outcome == "unbounded" and np.any(analysis.limit.live[analysis.limit.free]):
+        said.append(
+            "no multiplier ends what the structure bears: forces of joints are some that bear the loads that stay, one choice of many"
+        )
     if analysis.coulomb.dilatancy:
         said.append(
             "the rounds that find Coulomb's multiplier settle only where slip opens joints a little, by "

@@ -23,7 +23,7 @@ def add_limit(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> 
         description="Print the largest multiplier of a masonry problem's load that contact forces bear: the associative "
         "upper bound, and the least one at which Coulomb's friction allows a mechanism.",
     )
-    limit.add_argument("--direction", type=direction, help="push with the weight of all blocks in this direction: x, 1,0.5,0 or =-x")
+    limit.add_argument("--direction", type=direction, help="push with the weight of all blocks this way: x, 1,0.5,0, --direction=-x")
     limit.add_argument(
         "--friction", action="store_true", help="the factor by which all friction could be reduced, in place of the multiplier"
     )

@@ -25,7 +25,7 @@ def add_settle(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         "structure falls. Without --move and --turn: the model's support_motion, held for 1 s.",
     )
     settle.add_argument("--of", metavar="NAME", help="the support that moves (default: the only one)")
-    settle.add_argument("--move", type=_three, metavar="X,Y,Z", help="[m] its displacement in the end: 0.01,0,0 or =-0.01,0,0")
+    settle.add_argument("--move", type=_three, metavar="X,Y,Z", help="[m] its displacement in the end: 0.01,0,0, --move=-0.01,0,0")
     settle.add_argument("--turn", type=_three, metavar="X,Y,Z", help="[degrees] its turn in the end, a rotation vector: 0,2,0")
     settle.add_argument("--about", type=_three, metavar="X,Y,Z", help="[m] the point about which it turns (default: its centroid)")
     settle.add_argument("--steps", type=int, default=100, help="of the movement (default 100)")

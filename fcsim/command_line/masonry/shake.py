@@ -23,7 +23,7 @@ def add_shake(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> 
         description="Shake the ground by the model's base_acceleration or a record; print how far blocks move and which fall.",
     )
     shake.add_argument("--record", type=Path, help="CSV, columns 't [s]' and 'a [m/s^2]' or 'a [g]', in place of base_acceleration")
-    shake.add_argument("--direction", type=direction, help="of the record: x, 1,0.5,0 or =-x (default x)")
+    shake.add_argument("--direction", type=direction, help="of the record: x, 1,0.5,0, --direction=-x (default x)")
     shake.add_argument("--factor", type=float, help="on the record's accelerations (default 1)")
     shake.add_argument("--duration", type=float, help="[s] (default: the record's and 2 s)")
     shake.add_argument(

@@ -41,7 +41,7 @@ def add_push(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> a
         help="multiplier at which a masonry structure begins to move and to fall",
         description="Print the load multiplier at which a structure begins to move and to fall, by limit analysis and by simulation.",
     )
-    push.add_argument("--direction", type=direction, help="push with the weight of all blocks in this direction: x, 1,0.5,0 or =-x")
+    push.add_argument("--direction", type=direction, help="push with the weight of all blocks this way: x, 1,0.5,0, --direction=-x")
     push.add_argument("--branch", action="store_true", help="the multiplier by displacement and its descending branch, not trials")
     push.add_argument("--step", type=float, help="[m] of the displacement on the branch (default 2.5e-4 of the structure's extent)")
     push.add_argument("--to", type=float, help="[m] displacement at which the branch ends (default half the structure's extent)")

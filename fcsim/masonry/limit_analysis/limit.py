@@ -41,8 +41,8 @@ class LimitLoad:
     outcome       "limit"; "unbounded": contact forces bear every multiplier; "falls": not even the loads that stay are borne;
                   "undecided": the programs or their fixed point did not converge
     multiplier    the limit (Coulomb: the least of `span`), inf and 0; of what is undecided the last value, not above the associative limit
-    r (m,) [N]    contact forces at the limit; v (n_dofs,): velocities of the mechanism, live . v = 1 W (of what falls: dead . v = 1 W;
-                  of what is borne at every multiplier: 0)
+    r (m,) [N]    contact forces at the limit, of what is borne at every multiplier some under the loads that stay; v (n_dofs,): velocities
+                  of the mechanism, live . v = 1 W (of what falls: dead . v = 1 W; of what is borne at every multiplier: 0)
     rounds        of the fixed point
     span          Coulomb: the least and the largest multiplier at which this mechanism and Coulomb's law go together: forces r that are
                   none where it opens, mu r_N against the slip where it slides, in the cone elsewhere. Checked by programs of their own
@@ -79,7 +79,7 @@ def associative_limit(problem: LimitProblem) -> LimitLoad:
         found = program.solve(at_most=1e6 * program.natural)
         if found is None or found.multiplier < 0.99e6 * program.natural:
             return _undecided(problem, law)
-        return LimitLoad(law, "unbounded", np.inf, program.form.forces(found.r), np.zeros_like(dead))
+        return LimitLoad(law, "unbounded", np.inf, bearing.form.forces(stands.r), np.zeros_like(dead))  # not those of such a load
     return LimitLoad(law, "limit", found.multiplier, program.form.forces(found.r), program.form.velocities(found.v))
 
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from fcsim.masonry import Block, MasonryProblem, analyse, pushed
+from fcsim.masonry.remarks import remarks
 from fcsim.mesh.solids.closed_surface import closed_surface
 
 CORNERS = np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1)], dtype=float)
@@ -34,3 +35,14 @@ def test_what_stands_and_is_not_pushed_has_no_mechanism(dimension: int) -> None:
     assert [(joint.between, joint.state) for joint in found.joints] == [(("floor", "lower"), "closed"), (("lower", "upper"), "closed")]
     weights = [0.3 * 0.3 * 2000.0 * 9.81 * length for length in (1.9, 0.9)]
     assert [joint.normal_force for joint in found.joints] == pytest.approx(weights, rel=1e-6)
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_what_no_load_ends_has_the_forces_of_the_loads_that_stay(dimension: int) -> None:
+    """A stone pressed on its floor: forces of joints were those of a million times the load, without a word."""
+    floor = Block(closed_surface("floor", CORNERS * (6, 1, 0.5) - (2, 0, 0.5), FACES), support=True)
+    stone = Block(closed_surface("stone", CORNERS * (0.5, 0.3, 0.3), FACES), density=2000.0)
+    found = analyse(pushed(MasonryProblem("pressed", dimension, (floor, stone), mu=0.5), (0.0, 0.0, -1.0)))
+    assert found.lowest.outcome == "unbounded" and found.lowest.multiplier == math.inf
+    assert found.joints[0].normal_force == pytest.approx(0.5 * 0.3 * 0.3 * 2000.0 * 9.81, rel=1e-6)
+    assert any("forces of joints are some that bear the loads that stay" in said for said in remarks(found, None))
