@@ -77,6 +77,7 @@ class State:
     keeps: bool = False
     shares: object = None
     single: bool | None = None
+    still: bool = False
     motion: object = None
     spread: float = 1.0
     runners: dict[str, Shown] = field(default_factory=dict)
