@@ -17,7 +17,7 @@ import scipy.linalg as sla
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
-from fcsim.arrays import FloatArray, IntArray, Matrix
+from fcsim.arrays import BoolArray, FloatArray, IntArray, Matrix
 from fcsim.linear.factors import SingularMatrix
 from fcsim.timestep.links.saddle_point import SaddlePoint
 from fcsim.timestep.step_equation.compliance import StepCompliance
@@ -247,13 +247,15 @@ class LinkedCompliance:
         """None: links couple the bodies."""
 
 
-def _without_noise[M: (FloatArray, sp.csr_array)](W: M, before: FloatArray) -> M:
+def _without_noise(W: Matrix, before: FloatArray) -> Matrix:
     """W (m, m) without the rows and columns of what links hold, see `NOTHING`; before (m,): its diagonal without links."""
-    moves = W.diagonal() > NOTHING * before
+    moves: BoolArray = W.diagonal() > NOTHING * before
     if moves.all():
         return W
+    if isinstance(W, np.ndarray):
+        return np.where(np.outer(moves, moves), W, 0.0)
     kept = sp.diags_array(moves.astype(float))
-    return W * np.outer(moves, moves) if isinstance(W, np.ndarray) else sp.csr_array(kept @ W @ kept)
+    return sp.csr_array(kept @ W @ kept)
 
 
 def _sparse_factor(S: Matrix) -> Callable[[FloatArray], FloatArray] | None:

@@ -77,7 +77,7 @@ class State:
     keeps: bool = False
     shares: object = None
     single: bool | None = None
-    still: bool | None = False
+    still: bool = False
     motion: object = None
     runners: dict[str, Shown] = field(default_factory=dict)
 

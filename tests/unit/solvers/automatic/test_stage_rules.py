@@ -361,6 +361,11 @@ def test_where_joints_have_stiffness_no_proof_is_looked_for() -> None:
     assert stage("proof").enters(state(runners=runners)) and not stage("proof").enters(state(runners=runners, regular=True))
 
 
+def test_a_proof_goes_first_where_bodies_approach_though_no_reaction_moves_them() -> None:
+    race = state(still=True, best=NEAR)
+    assert stage("proof").enters(race) and stage("proof").alone(race, Shown())  # type: ignore[arg-type]
+
+
 @pytest.mark.parametrize(("sweeps", "fell", "left"), [(999, 1.1, False), (1000, 1.1, True), (1000, 1.12, False)])
 def test_sweeps_are_left_where_they_stand_still(sweeps: int, fell: float, left: bool) -> None:
     assert stage("sweeps").left(state(), Shown(iterations=sweeps, fell=fell)) is left  # type: ignore[arg-type]
