@@ -290,6 +290,40 @@ def test_faces_of_one_facet_have_the_moments_of_their_overlap(shift: float) -> N
         assert some == pytest.approx({k: areas[0][k] for k in some}, rel=2e-2)
 
 
+def test_areas_go_over_to_points_within_by_degrees() -> None:
+    """Squares of 2 x 2 facets that slide by 0.002: nodes and points share the overlap nearly as before; 0.37 of 0.63 went over at once.
+    Points that are met on the way alone, without the mark of their joint, have an area as well."""
+    low, up = (rigid_box(n, (1, 1, 0.2), (0.0, 0.0, z), 1.0, (2, 2, 1)) for n, z in (("low", -0.1), ("up", 0.1)))
+    model = build_model([low, up], supports=[Support("low", HELD)])
+    law = Compliant(Springs(normal=1e8, tangential=1e8))
+    run, before = Simulation(model, Everything(model, 0.5), Theta(1.0, law=law), 1).substeps, dict[int, float]()
+    within = []
+    for shift in np.arange(0.28, 0.38, 0.002):
+        x = model.reference.copy()
+        x[model.node_offset[1] :, 0] += shift
+        found = run.detection(x)
+        area = run.proportions.area_at(found, x)
+        assert area.sum() == pytest.approx(1 - shift)
+        assert run.proportions.area_at(replace(found, area=None), x).min() > 0
+        now = dict(zip(found.identity.tolist(), area.tolist(), strict=True))
+        assert not before or sum(abs(now.get(k, 0.0) - before.get(k, 0.0)) for k in now.keys() | before.keys()) < 0.1
+        before = now
+        within.append(bool(found.within_faces.any()))
+    assert within == sorted(within) and within[-1] and not within[0]
+
+
+def test_a_bond_that_slides_by_a_hair_keeps_its_shear() -> None:
+    """k_T A d of a glued joint, pulled along by d and open by d: points that came within it at 0.36586 had no spring's force, which fell to
+    a third."""
+    k, d = 1e9, 1e-5
+    low, up = (rigid_box(n, (1, 1, 0.2), (x, 0.0, z), 1.0, (2, 2, 1)) for n, x, z in (("low", 0.0, -0.1), ("up", 0.36586, 0.1)))
+    held = [Support("low", HELD), Support("up", ("y", "rx", "ry", "rz")), Support("up", ("x", "z"), velocity=d)]
+    model = build_model([low, up], supports=held)
+    law = Cohesive(tension=1e5, mode_1=1e3, mode_2=1e3, springs=Springs(normal=k, tangential=k))
+    for step in Simulation(model, Everything(model, 0.5), QuasiStatic(0.1, law=law), 3, witness=None):
+        assert force_on(step, "up")[0] == pytest.approx(-k * (1 - 0.36586) * d * step.state.t, rel=1e-3)
+
+
 def test_a_rectangle_of_one_segment_turns_as_winkler_says() -> None:
     """The same in the plane: F e / (k l^3 / 12) of the thickness 1."""
     k, force, length, e = 1e8, 1e3, 0.6, 0.05

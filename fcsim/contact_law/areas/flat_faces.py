@@ -11,8 +11,9 @@ over all points, x in the overlap's plane from its centre along its principal ax
 the shares in sum_k m_k (f - f_0)^2; where that would be negative, f is the exponential of such a polynomial, the least change in relative
 entropy. On n facets in a row they are Simpson's rules, 1/6, 4/6, 1/6 and 1/8, 3/8, 3/8, 1/8 for two and three: joints of rigid bodies turn
 under a moment as their area does. What the points cannot have (corners alone are all at the overlap's rim) stays as it is, and b and B are
-scaled down where an area would still come near zero: there `points_within` has more points for it, with m_k their weights. What has a
-contact changes none of this: as a joint opens each contact keeps its area.
+scaled down where an area would still come near zero: there `points_within` has more points for it, with m_k their weights. Areas
+go over to those with such points by degrees: springs of new points have no force, and would take it off a joint that slides by a hair. What
+has a contact changes none of this: as a joint opens each contact keeps its area.
 """
 
 from __future__ import annotations
@@ -25,11 +26,15 @@ from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.contact_detection.contacts import Contacts
 from fcsim.contact_detection.integral.segment_to_segment import Segments
 from fcsim.contact_law.areas.faces import Faces, couples_of, faces_of, overlaps_between
-from fcsim.contact_law.areas.moments import Points, factors, misses
+from fcsim.contact_law.areas.moments import LEAST, Points, factors, lowest, misses
 from fcsim.contact_law.areas.overlaps import Shares, centres_of, over_facets, shares_of
 
 _OFF = 0.02
 """Of an overlap's second moments: patches whose points miss more of them are coarse."""
+_LOW, _LEAST = 0.2, 0.05
+"""Of f_0: f at a point from which on patches go over to points within them, and where they have"""
+_FEWEST = 1e-3
+"""Of their areas: what points within patches that hardly need them have at least."""
 
 
 class Patches(NamedTuple):
@@ -50,9 +55,13 @@ class Patches(NamedTuple):
         points = self.points if more is None else Points(*(np.concatenate(both) for both in zip(self.points, more, strict=True)))
         return points.share * factors(points, self.gauss, len(self.codes))
 
-    def coarse(self, area: FloatArray) -> BoolArray:
-        """Which patches (n,) have second moments that their points, of those areas, cannot have."""
-        return misses(self.points._replace(share=area), self.gauss, len(self.codes)) > _OFF
+    def coarse(self, area: FloatArray) -> FloatArray:
+        """How coarse (n,) patches are: 1 where points of these `areas` miss the overlap's second moments, or have them by another f
+        than the polynomial; between 0 and 1 where they are about to."""
+        n = len(self.codes)
+        low = (_LOW - lowest(self.points, self.gauss, n)) / (_LOW - LEAST)
+        degree = np.where(low > 0, np.clip(low, _FEWEST, 1.0), 0.0)
+        return np.where(misses(self.points._replace(share=area), self.gauss, n) > _OFF, 1.0, degree)
 
 
 def patches_of_flat_faces(

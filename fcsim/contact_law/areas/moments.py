@@ -13,7 +13,7 @@ from fcsim.arrays import BoolArray, FloatArray, IntArray
 
 _KNOWN = 1e-3
 """Of a patch's area: moments are none of its points' below it."""
-_LEAST = 0.05
+LEAST = 0.05
 """Of f_0: what f keeps at least."""
 _ROUNDS = 8
 """Of Newton's method for f = exp(...) in place of a polynomial that would be negative."""
@@ -47,16 +47,23 @@ def factors(points: Points, gauss: Points, patches: int) -> FloatArray:
             break
         steepest = np.ones(patches)
         np.maximum.at(steepest, at, np.abs(linear + curved))
-        factor = np.maximum(factor * np.where(low[at], np.exp((linear + curved) / steepest[at]), 1.0), _LEAST)
+        factor = np.maximum(factor * np.where(low[at], np.exp((linear + curved) / steepest[at]), 1.0), LEAST)
         tried = points._replace(share=points.share * factor)
         linear, curved = _change(tried, gauss, patches)
     back = _below(1.0 + linear + curved, at, patches)[at]  # there is no such exponential: the polynomial, scaled down
     linear, curved = np.where(back, begun[0], linear), np.where(back, begun[1], curved)
     factor = np.where(back, 1.0, factor)
-    first = 1.0 + linear * np.where(back, _part(np.ones(len(at)), linear, 2 * _LEAST, at, patches), 1.0)
+    first = 1.0 + linear * np.where(back, _part(np.ones(len(at)), linear, 2 * LEAST, at, patches), 1.0)
     whole, sums = np.bincount(gauss.patch, gauss.share, patches), np.bincount(at, points.share * factor, patches)
     scale = np.divide(whole, sums, out=np.zeros(patches), where=sums > 0)[at]
-    return factor * scale * (first + curved * np.where(back, _part(first, curved, _LEAST, at, patches), 1.0))
+    return factor * scale * (first + curved * np.where(back, _part(first, curved, LEAST, at, patches), 1.0))
+
+
+def lowest(points: Points, gauss: Points, patches: int) -> FloatArray:
+    """The least value (patches,) of the polynomial f at the points, over f_0."""
+    least, (linear, curved) = np.full(patches, np.inf), _change(points, gauss, patches)
+    np.minimum.at(least, points.patch, 1.0 + linear + curved)
+    return least
 
 
 def misses(points: Points, gauss: Points, patches: int) -> FloatArray:
@@ -68,9 +75,9 @@ def misses(points: Points, gauss: Points, patches: int) -> FloatArray:
 
 
 def _below(factor: FloatArray, patch: IntArray, patches: int) -> BoolArray:
-    """Which patches have a factor below `_LEAST`."""
+    """Which patches have a factor below `LEAST`."""
     low = np.zeros(patches, dtype=bool)
-    low[patch[factor < _LEAST]] = True
+    low[patch[factor < LEAST]] = True
     return low
 
 

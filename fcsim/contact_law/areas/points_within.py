@@ -66,17 +66,19 @@ def areas_of_flat_faces(patches: Patches | None, count: int, with_points: BoolAr
     area, of_points = np.full(count, np.nan), np.zeros(len(identity))
     if patches is None:
         return area, of_points
-    coarse = np.zeros(len(patches.codes), dtype=bool)
-    coarse[patches.patch[with_points[patches.own]]] = True
-    if coarse.any():
-        found, patch, known = points_within(patches, coarse)
+    alone, flagged = patches.areas(), np.zeros(len(patches.codes), dtype=bool)
+    own = alone[: len(patches.own)]
+    flagged[patches.patch[with_points[patches.own]]] = True
+    of_points[:] = _LEAST * own.mean() if len(own) else 0.0
+    if flagged.any():
+        coarse = np.where(flagged, patches.coarse(alone), 0.0)
+        found, patch, known = points_within(patches, coarse > 0)
         places = np.einsum("nk,nkd->nd", found.phi, patches.faces.now.slave.corners[found.slave[found.row]])
         both = patches.areas(Points(places, found.weight, patch))
         order = np.argsort(known)
-        at = order[np.minimum(np.searchsorted(known, identity, sorter=order), len(known) - 1)] if len(known) else np.zeros(0, int)
-        own, more = both[: len(patches.own)], both[len(patches.points.share) :]
-        of_points = np.where(known[at] == identity, more[at], _LEAST * own.sum() / len(both))
-    else:
-        own = patches.areas()[: len(patches.own)]
+        if len(known):
+            at = order[np.minimum(np.searchsorted(known, identity, sorter=order), len(known) - 1)]
+            of_points = np.where(known[at] == identity, (coarse[patch] * both[len(alone) :])[at], of_points)
+        own = own + coarse[patches.patch] * (both[: len(own)] - own)
     area[patches.own] = np.where(own > 0, own, np.nan)
     return area, of_points

@@ -47,7 +47,7 @@ class WithinFaces:
         contacts = self.detection(positions, displacement)
         chosen = has_springs_by_area(self.law, contacts)
         patches = self.proportions.flat_patches(contacts, chosen, positions) if chosen.any() else None
-        if patches is None or not (coarse := patches.coarse(patches.areas())).any():
+        if patches is None or not (coarse := patches.coarse(patches.areas()) > 0).any():
             return contacts
         found, patch, identity = points_within(patches, coarse)
         reach, first = np.full(len(coarse), -np.inf), np.full(len(coarse), -1)
