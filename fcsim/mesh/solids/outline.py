@@ -14,13 +14,15 @@ from fcsim.errors import InputError
 def outline_of(name: str, points: ArrayLike, holes: Sequence[ArrayLike] = ()) -> list[FloatArray]:
     """Return the corners (n, 2) [m] of a polygon, counter-clockwise, then those of its holes, clockwise: the body is on their left.
 
-    InputError for polygons without an area, with a corner twice, that cross themselves or each other, and holes that are not within.
+    InputError for polygons without an area, with a corner twice, that cross themselves or touch each other, and holes that are not within.
     """
     loops = [_turned(_polygon(f"polygon {name!r}", points), 1.0)]
     for k, hole in enumerate(holes):
         loops.append(_turned(_polygon(f"polygon {name!r}, hole {k}", hole), -1.0))
-    if len(loops) > 1 and _cross(np.concatenate(loops), np.concatenate([np.roll(loop, -1, axis=0) for loop in loops])):
-        raise InputError(f"polygon {name!r}: expected holes whose sides cross no others")
+    if len(loops) > 1 and _touch(loops):
+        raise InputError(
+            f"polygon {name!r}: expected holes whose sides touch no others (one at the outline is part of it, holes that meet are one)"
+        )
     for k, hole in enumerate(loops[1:]):
         if not _within(hole[0], loops[0]) or any(_within(hole[0], other) for j, other in enumerate(loops[1:]) if j != k):
             raise InputError(f"polygon {name!r}: expected holes within it, none in another, got hole {k} with {hole[0].tolist()} elsewhere")
@@ -37,7 +39,7 @@ def _polygon(what: str, points: ArrayLike) -> FloatArray:
     """The corners, checked."""
     p = numbers_of(points)
     if p.ndim != 2 or p.shape[1] != 2 or len(p) < 3 or not np.isfinite(p).all():
-        mend = "; holes are given by holes=[...]" if p.ndim == 3 or not p.size else ""
+        mend = "; holes are given by holes=[...], each by its corners" if p.ndim != 2 else ""
         raise InputError(f"{what}: expected at least three finite corners of shape (n, 2), got shape {p.shape}{mend}")
     after = np.roll(p, -1, axis=0)
     if (same := np.flatnonzero((p == after).all(axis=1))).size:
@@ -64,10 +66,24 @@ def _turned(loop: FloatArray, sign: float) -> FloatArray:
 
 def _cross(a: FloatArray, b: FloatArray) -> bool:
     """Whether two of the sides from a to b (n, 2), which are no neighbours, cross."""
-    along, arms = (b - a)[:, None], (a - a[:, None], b - a[:, None])
-    signs = [np.sign(along[..., 0] * arm[..., 1] - along[..., 1] * arm[..., 0]) for arm in arms]
-    splits = signs[0] * signs[1] < 0  # side i's line passes between the ends of side j
+    splits = _sides(a, b) < 0
     return bool((splits & splits.T).any())
+
+
+def _touch(loops: list[FloatArray]) -> bool:
+    """Whether sides of two polygons have a point in common."""
+    a, b = np.concatenate(loops), np.concatenate([np.roll(loop, -1, axis=0) for loop in loops])
+    loop, low, high = np.repeat(np.arange(len(loops)), [len(p) for p in loops]), np.minimum(a, b), np.maximum(a, b)
+    near = np.all((low[:, None] <= high) & (low <= high[:, None]), axis=2) & (loop[:, None] != loop)
+    splits = _sides(a, b) <= 0
+    return bool((splits & splits.T & near).any())
+
+
+def _sides(a: FloatArray, b: FloatArray) -> FloatArray:
+    """(n, n): -1 where the line of side i, from a to b (n, 2), passes between the ends of side j, 0 where through one, else 1."""
+    along, arms = (b - a)[:, None], (a - a[:, None], b - a[:, None])
+    first, last = (np.sign(along[..., 0] * arm[..., 1] - along[..., 1] * arm[..., 0]) for arm in arms)
+    return np.asarray(first * last)
 
 
 def _within(point: FloatArray, loop: FloatArray) -> bool:
