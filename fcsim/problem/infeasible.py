@@ -115,7 +115,7 @@ def squeezed(problem: LocalProblem, beyond: float = REACTIONS) -> Certificate | 
     work, leak = -float(cost @ y), float(np.linalg.norm(own * (W[::d].T @ (own[::d] * y))))
     usual = float(np.linalg.norm(own * problem.q))
     reactions = work / (leak * usual) if leak > 0 else float("inf")
-    if not work > 0 or reactions < beyond:
+    if work <= speed * (own[::d] @ y) / REACTIONS or reactions < beyond:  # of round-off of q, or too little
         return None
     direction = np.zeros(problem.m)
     direction[::d] = own[::d] * y / (own[::d] @ y)
@@ -124,9 +124,10 @@ def squeezed(problem: LocalProblem, beyond: float = REACTIONS) -> Certificate | 
 
 def unmoved(problem: LocalProblem) -> int | None:
     """The contact that is driven together fastest of those that no reactions move along their normals (links or supports hold both sides):
-    their rows of W are zero; None where there is none."""
+    their rows of W are zero; None where there is none, or none but by round-off of q."""
     d, q_N = problem.dimension, problem.q[:: problem.dimension]
-    still = np.flatnonzero((problem.diagonal_blocks[:, 0, 0] == 0) & (q_N < 0))
+    least = float(np.abs(problem.q).max(initial=0.0)) / REACTIONS
+    still = np.flatnonzero((problem.diagonal_blocks[:, 0, 0] == 0) & (q_N < -least))
     if not len(still):
         return None
     W = problem.W if isinstance(problem.W, np.ndarray) else sp.csr_array(problem.W)

@@ -31,6 +31,8 @@ def test_bodies_approach_a_little_where_no_reaction_moves_them(share: float) -> 
     assert np.array_equal(result.certificate.direction, [1.0, 0.0, 0.0, 0.0]) and np.array_equal(result.certificate.contacts, [0])
     q[0] = 1e-9 * q[0]  # below the tolerance: r_N = 0 answers
     assert solve(LocalProblem(W, q, np.array([0.5, 0.5]), dimension=2), "auto").solved
+    q[0] = -1e-15  # round-off of the others' velocities is no proof
+    assert squeezed(LocalProblem(W, q, np.array([0.5, 0.5]), dimension=2)) is None
 
 
 @pytest.mark.parametrize("name", ["squeezed", "wedged"])
