@@ -12,6 +12,8 @@ from fcsim.mesh.named.places import with_surface
 from fcsim.mesh.part import Body, Part, RigidBody
 from fcsim.mesh.quality import check_quality
 from fcsim.mesh.rigid import BlockKind, blocks_that_are, mass_properties, rigid_body
+from fcsim.mesh.solids.meshed import meshed_polygon
+from fcsim.mesh.solids.rigid_polygon import rigid_polygon
 
 __all__ = [
     "BlockKind",
@@ -29,6 +31,7 @@ __all__ = [
     "half_ball",
     "half_disk",
     "mass_properties",
+    "meshed_polygon",
     "part_from_gmsh",
     "read_mesh",
     "read_parts",
@@ -38,6 +41,7 @@ __all__ = [
     "rigid_capsule",
     "rigid_cylinder",
     "rigid_plane",
+    "rigid_polygon",
     "rigid_polyhedron",
     "rigid_rectangle",
     "rigid_sphere",

@@ -31,8 +31,8 @@ from fcsim.contact_law.areas.overlaps import Shares, centres_of, over_facets, sh
 
 _OFF = 0.02
 """Of an overlap's second moments: patches whose points miss more of them are coarse."""
-_LOW, _LEAST = 0.2, 0.05
-"""Of f_0: f at a point from which on patches go over to points within them, and where they have"""
+_LOW = 0.2
+"""Of f_0: f at a point from which on patches go over to points within them; where it is `LEAST` they have."""
 _FEWEST = 1e-3
 """Of their areas: what points within patches that hardly need them have at least."""
 

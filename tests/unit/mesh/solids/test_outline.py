@@ -4,9 +4,7 @@ import numpy as np
 import pytest
 
 from fcsim import Everything, InputError, Material, Simulation, Support, Theta, build_model
-from fcsim.mesh import rigid_rectangle
-from fcsim.mesh.solids.meshed import meshed_polygon
-from fcsim.mesh.solids.rigid_polygon import rigid_polygon
+from fcsim.mesh import meshed_polygon, rigid_polygon, rigid_rectangle
 
 STONE = Material(E=2e9, nu=0.2, density=2000.0)
 
