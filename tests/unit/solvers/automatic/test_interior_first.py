@@ -88,7 +88,7 @@ def entered(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     ("seed", "names", "most"),
     [
         (15, ["sweeps", "interior point first"], 100),  # 1357 iterations of six methods where proximal Newton goes first
-        (1, ["sweeps", "interior point first", "proximal Newton"], 300),  # whose first path does not arrive: the others follow
+        (1, ["sweeps", "interior point first", "proximal Newton"], 150),  # whose first path does not arrive: the others follow
     ],
 )
 def test_layers_of_boxes(seed: int, names: list[str], most: int, entered: list[str], error_of: Callable[..., float]) -> None:
