@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from fcsim.arrays import FloatArray, numbers_of
+from fcsim.brief import shown
 from fcsim.errors import InputError
 
 
@@ -16,6 +17,8 @@ def outline_of(name: str, points: ArrayLike, holes: Sequence[ArrayLike] = ()) ->
 
     InputError for polygons without an area, with a corner twice, that cross themselves or touch each other, and holes that are not within.
     """
+    if not isinstance(holes, Iterable):
+        raise InputError(f"polygon {name!r}: expected holes as a list of polygons, each by its corners, got {shown(holes)}")
     loops = [_turned(_polygon(f"polygon {name!r}", points), 1.0)]
     for k, hole in enumerate(holes):
         loops.append(_turned(_polygon(f"polygon {name!r}, hole {k}", hole), -1.0))

@@ -52,6 +52,7 @@ CIRCLE = np.column_stack([np.cos(np.arange(12) * np.pi / 6), np.sin(np.arange(12
         (square(4.0), [square(1.0), square(1.0)], "expected holes whose sides touch no others"),
         (square(2.0), [square(1.0, (0.5, 0.0))], "expected holes whose sides touch no others"),
         (square(2.0), [[(0.0, -0.5), (1.0, -0.5), (2.0, 0.0), (1.0, 0.5), (0.0, 0.5)]], "expected holes whose sides touch no others"),
+        (square(2.0), None, "expected holes as a list of polygons"),
         (square(2.0), square(1.0), "hole 0: .* each by its corners"),
         (CIRCLE, [0.8 * CIRCLE[[0, 0, 1, 2]]], "hole 0: expected corners that differ"),
         (np.concatenate([CIRCLE, CIRCLE[:1]]), [], "expected corners that differ"),
