@@ -4,6 +4,16 @@
 set -eu
 cd "$(dirname "$0")/.."
 
+# `make wall` in one terminal and `make test` in another: the second waits for the first one's environment.
+if command -v flock >/dev/null; then
+    exec 9<.
+    flock -n 9 || {
+        echo 'fcsim: another make makes .venv/; waiting for it'
+        flock 9
+        [ ! -e .venv/.ready ] || exit 0
+    }
+fi
+
 fail() {
     printf 'fcsim: %s\n' "$@" >&2
     exit 1
