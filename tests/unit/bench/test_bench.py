@@ -112,9 +112,10 @@ def leaks(problem, r, monitor, options):
 
 @method("USES-MEMORY")
 def uses_memory(problem, r, monitor, options):
-    """50 MiB, below the limit."""
+    """50 MiB, which whoever watches may look at for so long as the test says, however busy the machine."""
     held = np.ones(50 * 2**17)
-    time.sleep(0.3)  # for a watcher that has to wait for the processor
+    if real(problem, r):
+        time.sleep(float(os.environ.get("BENCH_HELD", "0")))
     return Iterate(exact(problem), Status.SOLVED)
 
 @method("FORKS")
@@ -259,6 +260,7 @@ def test_limits_that_are_looser_measure_again_what_they_stopped(
 ) -> None:
     out, notes = tmp_path / "out", tmp_path / "notes"
     monkeypatch.setenv("BENCH_NOTES", str(notes))
+    monkeypatch.setenv("BENCH_HELD", "60")
     base = [block, "--plugin", plugin, "--out", out, "--tols", "1e-2,1e-4"]
     assert bench(*base, "--solvers", "LATE,USES-MEMORY,EXACT", "--time-limit", 60, "--memory-limit", 20) == 0
     first = by(read_results(out))
@@ -279,6 +281,7 @@ def test_limits_that_are_looser_measure_again_what_they_stopped(
     tried = by(read_results(out))["LATE", 1e-4]
     assert "not tried" not in tried.status and tried.outcome == "TIME_LIMIT"
     # looser limits
+    monkeypatch.delenv("BENCH_HELD")
     assert bench(*base, "--solvers", "LATE,USES-MEMORY,EXACT", "--time-limit", 300, "--memory-limit", 200) == 0
     last = by(read_results(out))
     assert all(last[name, tol].solved for name in ("LATE", "USES-MEMORY", "EXACT") for tol in (1e-2, 1e-4))
@@ -377,7 +380,7 @@ def test_a_bench_that_is_killed_goes_on(block: Path, plugin: Path, tmp_path: Pat
         stderr=subprocess.STDOUT,
         text=True,
     ) as running:
-        deadline = time.monotonic() + 60
+        deadline = time.monotonic() + 300
         while not (out / "results.csv").exists() or (out / "results.csv").read_bytes().count(b"\n") < 1 + 3 * jobs:
             assert running.poll() is None and time.monotonic() < deadline, running.stdout and running.stdout.read()
             time.sleep(0.02)
@@ -386,7 +389,7 @@ def test_a_bench_that_is_killed_goes_on(block: Path, plugin: Path, tmp_path: Pat
         said = running.communicate()[0]
         assert running.returncode == (-signal.SIGKILL if ending == signal.SIGKILL else 130)
         assert ending == signal.SIGKILL or "the same command goes on with the rest" in said
-    deadline = time.monotonic() + 20
+    deadline = time.monotonic() + 300
     while processes_in(tmp_path):
         assert time.monotonic() < deadline, "processes outlive the bench"
         time.sleep(0.02)
@@ -397,7 +400,7 @@ def test_a_bench_that_is_killed_goes_on(block: Path, plugin: Path, tmp_path: Pat
         return
     with (out / "results.csv").open("ab") as file:  # as if killed within a line
         file.write(b"block,global,3,1,3,fcsim,EXACT,1e-")
-    again = subprocess.run(command, env=environment, capture_output=True, text=True, check=False, timeout=60)
+    again = subprocess.run(command, env=environment, capture_output=True, text=True, check=False, timeout=300)
     assert again.returncode == 0, again.stderr
     rows = read_results(out)
     assert rows[: len(finished)] == finished

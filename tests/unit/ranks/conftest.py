@@ -37,12 +37,12 @@ def end(process: subprocess.Popen[str]) -> None:
 
 @pytest.fixture(scope="session")
 def mpiexec() -> Program:
-    """mpiexec(ranks, *arguments of python, timeout, cwd, env): how it ended."""
+    """mpiexec(ranks, *arguments of python, timeout, cwd, env): how it ended. `timeout` is for ranks that hang, on whatever busy machine."""
     if not LAUNCHER.exists():
         pytest.skip("no mpiexec beside this Python")
 
     def run(
-        ranks: int, *arguments: str | Path, timeout: float = 120, cwd: Path | None = None, env: Mapping[str, str] | None = None
+        ranks: int, *arguments: str | Path, timeout: float = 600, cwd: Path | None = None, env: Mapping[str, str] | None = None
     ) -> Ended:
         script = [str(COMPILING)] if str(arguments[0]).endswith(".py") else []  # whose ranks need the same functions at once
         command = [str(LAUNCHER), "-n", str(ranks), sys.executable, *script, *map(str, arguments)]

@@ -150,7 +150,7 @@ with sharing() as world:
 def test_a_rank_that_is_killed_leaves_no_memory_behind(mpiexec: Program, tmp_path: Path) -> None:
     before = set(Path("/dev/shm").iterdir())
     (tmp_path / "killed.py").write_text(KILLED, encoding="utf-8")
-    ended = mpiexec(3, tmp_path / "killed.py", timeout=60)
+    ended = mpiexec(3, tmp_path / "killed.py")
     assert ended.code != 0 and "went on" not in ended.out
     left = set(Path("/dev/shm").iterdir()) - before
     assert not [path for path in left if "fcsim" in path.name]

@@ -41,7 +41,7 @@ def found(mpiexec: Program, tmp_path_factory: pytest.TempPathFactory) -> Found:
             for name in one_body.SCENARIOS:  # first, so that the ranks find compiled what one process computes with: each would compile it
                 of_one_process(name)
             folder = tmp_path_factory.mktemp("found")
-            ended = mpiexec(ranks, PROGRAM, folder, timeout=200, env={"PYTHONPATH": str(PROGRAM.parents[3])})
+            ended = mpiexec(ranks, PROGRAM, folder, env={"PYTHONPATH": str(PROGRAM.parents[3])})
             assert ended.code == 0, ended.err
             known[ranks] = [json.loads((folder / f"{k}.json").read_text(encoding="utf-8")) for k in range(ranks)]
         return known[ranks]

@@ -35,7 +35,7 @@ def together(case_folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 @pytest.fixture
 def run(mpiexec: Program, tmp_path: Path) -> Callable[..., Ended]:
     def start(ranks: int, case: Path, *arguments: str) -> Ended:
-        return mpiexec(ranks, "-m", "fcsim", "run", case, "--out", tmp_path / "out", *PARAMETERS, *arguments, timeout=90)
+        return mpiexec(ranks, "-m", "fcsim", "run", case, "--out", tmp_path / "out", *PARAMETERS, *arguments)
 
     return start
 

@@ -32,7 +32,7 @@ def shared(mpiexec: Program) -> Shared:
     def ended(ranks: int) -> Ended:
         for name in SCENARIOS:  # first, so that the ranks find compiled what one process computes with: each would compile it
             alone(name)
-        return mpiexec(ranks, PROGRAM, timeout=280, env={"PYTHONPATH": str(Path(__file__).parents[3])})
+        return mpiexec(ranks, PROGRAM, env={"PYTHONPATH": str(Path(__file__).parents[3])})
 
     def of(ranks: int) -> list[dict[str, Any]]:
         assert ended(ranks).code == 0, ended(ranks).err

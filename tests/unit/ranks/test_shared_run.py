@@ -110,7 +110,7 @@ def test_a_law_with_a_function_runs_and_is_resumed_in_other_processes(run: Calla
 
 
 def test_a_rank_that_raises_ends_all(run: Callable[..., Ended], case_folder: Path, tmp_path: Path) -> None:
-    ended = run(2, spoiled(case_folder, "raise ZeroDivisionError('of this rank')"), timeout=90)
+    ended = run(2, spoiled(case_folder, "raise ZeroDivisionError('of this rank')"))
     assert ended.code != 0 and seconds_since(tmp_path / "spoiled") < 30
     assert re.search(r"fcsim: rank 1 of 2 has ended: .*ZeroDivisionError: of this rank", ended.err)
     assert re.search(r"two_blocks\.py, line \d+", ended.err) and "Traceback" not in ended.err  # the script's own function raises
@@ -127,7 +127,7 @@ def test_a_rank_that_is_killed_ends_all(
     """Killed outright or politely; and another number of ranks goes on."""
     script = case_folder / "two_blocks.py"
     innocent = script.read_text(encoding="utf-8")
-    ended = run(3, spoiled(case_folder, f"import os, signal; os.kill(os.getpid(), signal.{how})"), timeout=90)
+    ended = run(3, spoiled(case_folder, f"import os, signal; os.kill(os.getpid(), signal.{how})"))
     assert ended.code != 0 and seconds_since(tmp_path / "spoiled") < 30
     whole(tmp_path / "out")
     assert open_run(tmp_path / "out").description.status == ("running" if how == "SIGKILL" else "interrupted")
@@ -140,10 +140,16 @@ def test_a_rank_that_is_killed_ends_all(
 
 @pytest.mark.parametrize("rank", [0, pytest.param(1, marks=pytest.mark.slow)])
 def test_a_rank_that_is_stopped_is_named_and_waited_for(run: Callable[..., Ended], case_folder: Path, tmp_path: Path, rank: int) -> None:
-    """The others waited for it, for ever perhaps, and nobody knew for what."""
+    """The others waited for it, for ever perhaps, and nobody knew for what. It is woken once it is named."""
     once = "if not SIGN.parents[1].joinpath('once').exists(): SIGN.parents[1].joinpath('once').touch(); import signal, subprocess"
-    wake = "subprocess.Popen(['sh', '-c', f'sleep 9; kill -CONT {os.getpid()}'])"
-    ended = run(2, spoiled(case_folder, f"{once}; {wake}; os.kill(os.getpid(), signal.SIGSTOP)", rank), timeout=90)
+    wake = f"for k in $(seq 800); do [ -e {tmp_path}/named ] && break; sleep 0.1; done; kill -CONT "
+    stop = f"subprocess.Popen(['sh', '-c', {wake!r} + str(os.getpid())]); os.kill(os.getpid(), signal.SIGSTOP)"
+    script = spoiled(case_folder, f"{once}; {stop}", rank) / "two_blocks.py"
+    names = f"lambda *words, **how: (print(*words, **how), Path({str(tmp_path)!r}, 'named').touch())"
+    text = script.read_text(encoding="utf-8")
+    text += f"\nworld = sys.modules['fcsim.ranks.world']\nworld.HELD, world.print = 1.0, {names}\n"
+    script.write_text(text, encoding="utf-8")
+    ended = run(2, case_folder)
     assert ended.code == 0, ended.err
     named = rf"fcsim: rank {rank} of 2 is stopped \(by SIGSTOP, or a debugger\), and the others wait for it: process \d+\n"
     assert len(re.findall(named, ended.err)) == ended.err.count("is stopped") == 1, ended.err
@@ -163,7 +169,7 @@ def test_a_rank_that_is_killed_is_missed_by_the_others(mpiexec: Program, case_fo
     killed, out = spoiled(case_folder, "import os, signal; os.kill(os.getpid(), signal.SIGKILL)"), tmp_path / "out"
     keeper = tmp_path / "keeper.py"
     keeper.write_text(KEEPER, encoding="utf-8")
-    ended = mpiexec(2, keeper, "-m", "fcsim", "run", killed, "--out", out, *PARAMETERS, timeout=90)
+    ended = mpiexec(2, keeper, "-m", "fcsim", "run", killed, "--out", out, *PARAMETERS)
     assert ended.code != 0 and seconds_since(tmp_path / "spoiled") < 30
     assert "fcsim: rank 1 of 2 has ended: its process was killed, or crashed" in ended.err
     assert open_run(out).description.status == "failed"
@@ -172,7 +178,7 @@ def test_a_rank_that_is_killed_is_missed_by_the_others(mpiexec: Program, case_fo
 
 @pytest.mark.slow
 def test_ranks_that_do_not_compute_the_same_are_told_so(run: Callable[..., Ended], case_folder: Path, tmp_path: Path) -> None:
-    ended = run(2, spoiled(case_folder, "return (2.0, 0, -9.82)"), timeout=90)
+    ended = run(2, spoiled(case_folder, "return (2.0, 0, -9.82)"))
     assert ended.code != 0 and re.search("step [34]: expected the same on every rank, rank 1 of 2 has another than rank 0", ended.err)
     assert open_run(tmp_path / "out").description.status == "failed"
 

@@ -37,7 +37,7 @@ def shared(mpiexec: Program, tmp_path_factory: pytest.TempPathFactory) -> Any:
     def of(ranks: int) -> list[dict[str, Any]]:
         alone()  # first, so that the ranks find compiled what one process computes with: each would compile it
         folder = tmp_path_factory.mktemp("ranks")
-        ended = mpiexec(ranks, PROGRAM, folder, timeout=280, env={"PYTHONPATH": str(Path(__file__).parents[3])})
+        ended = mpiexec(ranks, PROGRAM, folder, env={"PYTHONPATH": str(Path(__file__).parents[3])})
         assert ended.code == 0, ended.err
         return [json.loads((folder / f"{rank}.json").read_text(encoding="utf-8")) for rank in range(ranks)]
 

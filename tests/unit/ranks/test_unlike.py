@@ -27,7 +27,7 @@ def shared(mpiexec: Program, tmp_path_factory: pytest.TempPathFactory) -> list[A
     for name in MODELS:  # first, so that the ranks find compiled what one process computes with: each would compile it
         alone(name)
     folder = tmp_path_factory.mktemp("ranks")
-    ended = mpiexec(2, PROGRAM, folder, timeout=280, env=ENVIRONMENT)
+    ended = mpiexec(2, PROGRAM, folder, env=ENVIRONMENT)
     assert ended.code == 0, ended.err
     return [json.loads((folder / f"{rank}.json").read_text(encoding="utf-8")) for rank in range(2)]
 
@@ -67,6 +67,6 @@ def test_what_hardly_resists_is_solved_for_more_sharply_where_newton_stalls(shar
 @pytest.mark.parametrize("error", ["MemoryError", pytest.param("SingularMatrix", marks=pytest.mark.slow)])
 def test_an_error_of_one_rank_within_gmres_ends_all(mpiexec: Program, tmp_path: Path, error: str) -> None:
     """Also one that others take for theirs where all ranks have it."""
-    ended = mpiexec(2, PROGRAM, tmp_path, error, timeout=100, env=ENVIRONMENT)
+    ended = mpiexec(2, PROGRAM, tmp_path, error, env=ENVIRONMENT)
     assert ended.code != 0 and f"rank {FAILING} of 2 has ended: RankFailed: GMRES over ranks: {error}" in ended.err
     assert seconds_since(tmp_path / "failed") < 30
