@@ -27,6 +27,9 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # a background shell's jo
 SOLVING = ("tests/conformance/", *(f"tests/unit/{room}/" for room in ("bench", "collection", "linear", "problem", "solvers")))
 """What compiles the kernels of solvers; all else begins with those of bodies and contacts."""
 
+RANKS = "tests/unit/ranks/"
+"""Whose files go to one worker: they share what ranks do, see `TOGETHER` there."""
+
 
 @pytest.hookimpl(wrapper=True)
 def pytest_collection() -> Generator[None, object, object]:
@@ -90,13 +93,17 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> object:
-    """Files by their number of tests, as xdist has them; every second worker takes those of `SOLVING` first, the others the rest."""
+    """Files by their number of tests, as xdist has them, those of `RANKS` together; every second worker takes those of `SOLVING` first, the
+    others the rest."""
     from xdist.scheduler import LoadFileScheduling
 
     if config.getvalue("dist") != "loadfile":
         return None
 
     class InRooms(LoadFileScheduling):
+        def _split_scope(self, nodeid: str) -> str:
+            return RANKS if nodeid.startswith(RANKS) else str(super()._split_scope(nodeid))
+
         def _assign_work_unit(self, node: Any) -> None:
             solving = self.nodes.index(node) % 2 == 1
             own = next((file for file in self.workqueue if file.startswith(SOLVING) == solving), None)

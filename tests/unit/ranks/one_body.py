@@ -1,11 +1,10 @@
-"""Small models with a body that ranks have together, and what each rank finds. Run as a program under mpiexec, each rank
-writes it as JSON into the folder that it is given."""
+"""Small models with a body that ranks have together, and what each rank finds. `main` has each rank write it as JSON into a
+folder."""
 
 from __future__ import annotations
 
 import hashlib
 import json
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from unittest import mock
@@ -145,8 +144,8 @@ def found(name: str) -> dict[str, object]:
     return {"steps": steps, "digest": digest.hexdigest(), "spread": spread, "weight": weight(model), **operators(simulation)}
 
 
-if __name__ == "__main__":
+def main(folder: Path) -> None:
     with sharing() as ranks, mock.patch.object(pieces, "SPREAD_FROM", 10):
         assert ranks is not None
         answer = {name: found(name) for name in SCENARIOS}
-        Path(sys.argv[1], f"{ranks.number}.json").write_text(json.dumps({**answer, "singular": singular()}), encoding="utf-8")
+        (folder / f"{ranks.number}.json").write_text(json.dumps({**answer, "singular": singular()}), encoding="utf-8")

@@ -3,7 +3,6 @@
 import hashlib
 import json
 import os
-import sys
 from dataclasses import fields
 from pathlib import Path
 from unittest.mock import patch
@@ -276,7 +275,3 @@ def main(folder: Path) -> None:
             "refused": refused(world),
         }
         (folder / f"{number}.json").write_text(json.dumps(found), encoding="utf-8")
-
-
-if __name__ == "__main__":
-    main(Path(sys.argv[1]))

@@ -1,14 +1,15 @@
-"""Small simulations of all kinds, and what is compared of their steps. Run as a program under mpiexec, each rank prints it as a line of
-JSON."""
+"""Small simulations of all kinds, and what is compared of their steps. `main` has each rank write it as JSON
+into a folder."""
 
 from __future__ import annotations
 
 import hashlib
 import json
-import sys
 from collections.abc import Callable
+from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
+from types import ModuleType
 from unittest.mock import patch
 
 import numpy as np
@@ -166,12 +167,20 @@ def seen(build: Callable[[], Simulation]) -> dict[str, object]:
     return {"steps": steps, "digest": digest.hexdigest(), "owners": [] if shares is None else shares.owner.tolist()}
 
 
-if __name__ == "__main__":
-    # what ranks share out of large models only
-    for module in (energy, node_to_segment, ranges, reactions):
-        module.SHARED_FROM = 0
-    by_ranks.CONTACTS_FROM = by_ranks.NORMALS_FROM = ahead.DOFS_FROM = reactions.IN_COMMON_FROM = 0
-    with sharing() as ranks:
+FROM: tuple[tuple[ModuleType, str], ...] = (
+    *((module, "SHARED_FROM") for module in (energy, node_to_segment, ranges, reactions)),
+    *((by_ranks, name) for name in ("CONTACTS_FROM", "NORMALS_FROM")),
+    (ahead, "DOFS_FROM"),
+    (reactions, "IN_COMMON_FROM"),
+)
+"""What ranks share out of large models only."""
+
+
+def main(folder: Path) -> None:
+    with sharing() as ranks, ExitStack() as stack:
         assert ranks is not None
+        for module, name in FROM:
+            stack.enter_context(patch.object(module, name, 0))
         found = {name: seen(SCENARIOS[name]) for name in SCENARIOS}
-        sys.stdout.write(json.dumps({"rank": ranks.number, "sent": [ranks.exchanges, ranks.messages, ranks.bytes], "seen": found}) + "\n")
+        answer = {"sent": [ranks.exchanges, ranks.messages, ranks.bytes], "seen": found}
+        (folder / f"{ranks.number}.json").write_text(json.dumps(answer), encoding="utf-8")

@@ -2,16 +2,11 @@
 
 from __future__ import annotations
 
-import json
-from pathlib import Path
-
-from tests.unit.ranks.conftest import Program
+from tests.unit.ranks.conftest import OnRanks
 
 
-def test_a_time_limit_is_that_of_one_clock(mpiexec: Program, tmp_path: Path) -> None:
-    ended = mpiexec(2, Path(__file__).with_name("clocks.py"), tmp_path)
-    assert ended.code == 0, ended.err
-    first, second = (json.loads((tmp_path / f"{rank}.json").read_text(encoding="utf-8")) for rank in range(2))
+def test_a_time_limit_is_that_of_one_clock(on_ranks: OnRanks) -> None:
+    first, second = on_ranks("clocks", 2)
     assert first == second
     assert first["iterations"] > 10
     assert first["status"] == first["alone"] == "TIME_LIMIT"

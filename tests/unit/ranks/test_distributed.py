@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import json
 from functools import cache
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -15,7 +13,7 @@ from scipy.sparse.linalg import spsolve
 from fcsim.problem import contact_status, scaled_error
 from fcsim.problem.problem import LocalProblem
 from fcsim.timestep.step import Step
-from tests.unit.ranks.conftest import Program
+from tests.unit.ranks.conftest import OnRanks
 from tests.unit.ranks.walls import METHODS, RHO, TOLERANCE, digest, simulation
 
 PROGRAM = Path(__file__).with_name("walls.py")
@@ -28,29 +26,13 @@ def alone(name: str) -> list[Step]:
     return [step for step in simulation(name, STEPS)[0] if step.number > 1]
 
 
-@pytest.fixture(scope="module")
-def shared(mpiexec: Program, tmp_path_factory: pytest.TempPathFactory) -> Any:
-    """What each of so many ranks has seen."""
-
-    @cache
-    def of(ranks: int) -> list[dict[str, Any]]:
-        for name in METHODS:  # first, so that the ranks find compiled what one process computes with: each would compile it
-            alone(name)
-        folder = tmp_path_factory.mktemp("ranks")
-        ended = mpiexec(ranks, PROGRAM, folder, env={"PYTHONPATH": str(Path(__file__).parents[3])})
-        assert ended.code == 0, ended.err
-        return [json.loads((folder / f"{rank}.json").read_text(encoding="utf-8")) for rank in range(ranks)]
-
-    return of
-
-
 @pytest.mark.parametrize("ranks", RANKS)
-def test_W_over_ranks_is_that_of_one_process(shared: Any, ranks: int) -> None:
+def test_W_over_ranks_is_that_of_one_process(on_ranks: OnRanks, ranks: int) -> None:
     W = alone("ADMM")[0].reduction.local.W
     assert isinstance(W, sp.bsr_array)
     x = np.random.default_rng(1).standard_normal(W.shape[0])
     nc = W.shape[0] // 3
-    for answer in shared(ranks):
+    for answer in on_ranks("walls", ranks):
         seen = answer["ADMM"][0]
         assert seen["distributed"] and seen["refused"] and seen["whole"] == digest(W.toarray())
         assert np.allclose(seen["product"], W @ x, rtol=0, atol=1e-13 * np.linalg.norm(W @ x))
@@ -63,8 +45,8 @@ def test_W_over_ranks_is_that_of_one_process(shared: Any, ranks: int) -> None:
 
 @pytest.mark.parametrize("ranks", RANKS)
 @pytest.mark.parametrize("name", METHODS)
-def test_the_answers_are_those_of_one_process(shared: Any, name: str, ranks: int) -> None:
-    answers = shared(ranks)
+def test_the_answers_are_those_of_one_process(on_ranks: OnRanks, name: str, ranks: int) -> None:
+    answers = on_ranks("walls", ranks)
     for k, step in enumerate(alone(name)):
         steps = [answer[name][k] for answer in answers]
         assert len({seen["digest"] for seen in steps}) == 1  # every rank goes on with the same bits
@@ -83,9 +65,9 @@ def test_the_answers_are_those_of_one_process(shared: Any, name: str, ranks: int
 
 @pytest.mark.parametrize("ranks", RANKS)
 @pytest.mark.parametrize("name", ["NSN-AC", "auto"])
-def test_newton_over_ranks_needs_no_other_method(shared: Any, name: str, ranks: int) -> None:
+def test_newton_over_ranks_needs_no_other_method(on_ranks: OnRanks, name: str, ranks: int) -> None:
     """Reactions of deformable bricks are unique: those of all of W, of W over ranks and of one process are the same."""
-    answers, one = shared(ranks), alone(name)
+    answers, one = on_ranks("walls", ranks), alone(name)
     for k, step in enumerate(one):
         seen = answers[0][name][k]
         assert seen["distributed"] and seen["methods"] == [name] and seen["error"] <= TOLERANCE
@@ -96,9 +78,9 @@ def test_newton_over_ranks_needs_no_other_method(shared: Any, name: str, ranks: 
 
 @pytest.mark.parametrize("ranks", RANKS)
 @pytest.mark.parametrize("name", ["ADMM", "NSN-AC"])
-def test_the_wall_stands_on_its_weight(shared: Any, name: str, ranks: int) -> None:
+def test_the_wall_stands_on_its_weight(on_ranks: OnRanks, name: str, ranks: int) -> None:
     model = alone("ADMM")[0].reduction.factor.factor.model  # type: ignore[attr-defined]
     bricks = sum(np.prod(np.ptp(body.part.points, axis=0)) * body.part.material.density for body in model.deformable)
     weight = 9.81 * bricks + 30_000.0
-    for seen in shared(ranks)[0][name][1:]:  # the whole weight acts from the step's beginning on
+    for seen in on_ranks("walls", ranks)[0][name][1:]:  # the whole weight acts from the step's beginning on
         assert seen["bottom_Rz"] - seen["inertia_z"] == pytest.approx(weight, rel=1e-9)

@@ -6,7 +6,6 @@ import json
 import os
 import subprocess
 import sys
-from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -20,33 +19,14 @@ from fcsim.mesh.blocks import brick
 from fcsim.mesh.material import Material
 from fcsim.mesh.part import Body
 from tests.unit.ranks import one_body
-from tests.unit.ranks.conftest import LAUNCHER, Program
+from tests.unit.ranks.conftest import LAUNCHER, OnRanks
 
 PROGRAM = Path(one_body.__file__)
-Found = Callable[[int], list[dict[str, Any]]]
 
 
 @cache
 def of_one_process(name: str) -> dict[str, Any]:
     return json.loads(json.dumps(one_body.found(name)))  # type: ignore[no-any-return]
-
-
-@pytest.fixture(scope="module")
-def found(mpiexec: Program, tmp_path_factory: pytest.TempPathFactory) -> Found:
-    """What each of so many ranks has found."""
-    known: dict[int, list[dict[str, Any]]] = {}
-
-    def of(ranks: int) -> list[dict[str, Any]]:
-        if ranks not in known:
-            for name in one_body.SCENARIOS:  # first, so that the ranks find compiled what one process computes with: each would compile it
-                of_one_process(name)
-            folder = tmp_path_factory.mktemp("found")
-            ended = mpiexec(ranks, PROGRAM, folder, env={"PYTHONPATH": str(PROGRAM.parents[3])})
-            assert ended.code == 0, ended.err
-            known[ranks] = [json.loads((folder / f"{k}.json").read_text(encoding="utf-8")) for k in range(ranks)]
-        return known[ranks]
-
-    return of
 
 
 def close(got: object, wanted: object, share: float) -> bool:
@@ -60,9 +40,9 @@ RANKS = [2, pytest.param(3, marks=pytest.mark.slow)]
 
 @pytest.mark.parametrize("ranks", RANKS)
 @pytest.mark.parametrize("name", one_body.SCENARIOS)
-def test_matrices_and_solutions_agree_to_round_off(found: Found, name: str, ranks: int) -> None:
+def test_matrices_and_solutions_agree_to_round_off(on_ranks: OnRanks, name: str, ranks: int) -> None:
     wanted = of_one_process(name)
-    for answer in found(ranks):
+    for answer in on_ranks("one_body", ranks):
         assert sum(answer[name]["spread"]) == 1 and not any(wanted["spread"])
         for operator in ("K x", "M x", "A x", "largest force", "load"):
             assert close(answer[name][operator], wanted[operator], 1e-13), operator
@@ -72,11 +52,11 @@ def test_matrices_and_solutions_agree_to_round_off(found: Found, name: str, rank
 
 @pytest.mark.parametrize("ranks", RANKS)
 @pytest.mark.parametrize("name", one_body.SCENARIOS)
-def test_steps_agree_within_the_tolerance(found: Found, name: str, ranks: int) -> None:
+def test_steps_agree_within_the_tolerance(on_ranks: OnRanks, name: str, ranks: int) -> None:
     """Contacts and statuses are the same; all ranks have the same bits, and one that computes alone finds them again to round-off."""
     wanted = of_one_process(name)
-    assert len({answer[name]["digest"] for answer in found(ranks)}) == 1
-    for got, step in zip(found(ranks)[0][name]["steps"], wanted["steps"], strict=True):
+    assert len({answer[name]["digest"] for answer in on_ranks("one_body", ranks)}) == 1
+    for got, step in zip(on_ranks("one_body", ranks)[0][name]["steps"], wanted["steps"], strict=True):
         assert got["contacts"] == step["contacts"] and got["status"] == step["status"] and len(got["contacts"]) > 0
         assert close(got["r"], step["r"], 1e-6) and close(got["x"], step["x"], 1e-6)
         assert close(got["energy"], step["energy"], 1e-7)
@@ -84,15 +64,15 @@ def test_steps_agree_within_the_tolerance(found: Found, name: str, ranks: int) -
 
 
 @pytest.mark.parametrize("ranks", RANKS)
-def test_the_plane_bears_the_weight(found: Found, ranks: int) -> None:
+def test_the_plane_bears_the_weight(on_ranks: OnRanks, ranks: int) -> None:
     """Less what the fall gains, for 1 ms a step."""
-    heap = found(ranks)[0]["heap"]
+    heap = on_ranks("one_body", ranks)[0]["heap"]
     for step in heap["steps"]:
         assert step["push"][2] == pytest.approx(-(heap["weight"] + step["gain"] / 1e-3), rel=1e-9)
 
 
-def test_a_singular_matrix_is_refused_on_all_ranks(found: Found) -> None:
-    for answer in found(2):
+def test_a_singular_matrix_is_refused_on_all_ranks(on_ranks: OnRanks) -> None:
+    for answer in on_ranks("one_body", 2):
         assert (
             "part 'block': its system matrix is singular" in answer["singular"] and "in statics a body needs supports" in answer["singular"]
         )

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 from typing import Any
 
 import pytest
 
 from tests.unit.ranks import parts
-from tests.unit.ranks.conftest import Program
+from tests.unit.ranks.conftest import OnRanks
 
 
 @pytest.fixture(scope="module")
@@ -20,10 +19,8 @@ def expected(tmp_path_factory: pytest.TempPathFactory) -> Any:
 
 
 @pytest.mark.parametrize("ranks", [3, pytest.param(2, marks=pytest.mark.slow)])
-def test_parts_are_those_of_one_process(mpiexec: Program, tmp_path: Path, expected: Any, ranks: int) -> None:
-    ended = mpiexec(ranks, Path(parts.__file__), tmp_path)
-    assert ended.code == 0, ended.err
-    found = [json.loads((tmp_path / f"{rank}.json").read_text(encoding="utf-8")) for rank in range(ranks)]
+def test_parts_are_those_of_one_process(on_ranks: OnRanks, expected: Any, ranks: int) -> None:
+    found = on_ranks("parts", ranks)
     for own in found:
         for name in ("rows", "few", "several", "alone"):
             assert own[name][0] == expected[name][0]

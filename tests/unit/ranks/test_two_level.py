@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import json
 from functools import cache
 from itertools import product
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -20,28 +18,13 @@ from fcsim.solvers.newton.systems.two_level.over_ranks import _patch_kernels as 
 from fcsim.solvers.newton.systems.two_level.over_ranks._coarse_kernels import separators
 from fcsim.solvers.newton.systems.two_level.over_ranks._patch_kernels import add_lower, add_part, lower, solvers_of_patches
 from fcsim.solvers.newton.systems.two_level.over_ranks.patches import JointsOfAll, chosen_for_ranks
-from tests.unit.ranks.conftest import Program
+from tests.unit.ranks.conftest import OnRanks
 from tests.unit.ranks.two_level import WORST, blocks_of_all, unsolved
 from tests.unit.ranks.walls import simulation
 from tests.unit.solvers.newton.systems.test_two_level import linearisation, newton_matrix
 
 PROGRAM = Path(__file__).with_name("two_level.py")
 RANKS = (pytest.param(2, marks=pytest.mark.slow), 3)
-
-
-@pytest.fixture(scope="module")
-def shared(mpiexec: Program, tmp_path_factory: pytest.TempPathFactory) -> Any:
-    """What each of so many ranks has."""
-
-    @cache
-    def of(ranks: int) -> list[dict[str, Any]]:
-        alone()  # first, so that the ranks find compiled what one process computes with: each would compile it
-        folder = tmp_path_factory.mktemp("ranks")
-        ended = mpiexec(ranks, PROGRAM, folder, env={"PYTHONPATH": str(Path(__file__).parents[3])})
-        assert ended.code == 0, ended.err
-        return [json.loads((folder / f"{rank}.json").read_text(encoding="utf-8")) for rank in range(ranks)]
-
-    return of
 
 
 @cache
@@ -65,9 +48,9 @@ def given(W: sp.bsr_array) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 @pytest.mark.parametrize("ranks", RANKS)
-def test_each_joint_is_one_rank_s_and_so_is_its_memory(shared: Any, ranks: int) -> None:
+def test_each_joint_is_one_rank_s_and_so_is_its_memory(on_ranks: OnRanks, ranks: int) -> None:
     _, joints = alone()
-    answers = shared(ranks)
+    answers = on_ranks("two_level", ranks)
     assert sorted(np.concatenate([answer["own"] for answer in answers])) == list(range(len(joints.order)))
     entries = [answer["entries"] for answer in answers]
     assert sum(entries) == len(joints.E)  # with the same neighbours each
@@ -79,10 +62,10 @@ def test_each_joint_is_one_rank_s_and_so_is_its_memory(shared: Any, ranks: int) 
 
 
 @pytest.mark.parametrize("ranks", RANKS)
-def test_joints_take_over_what_follows_from_where_h_has_entries(shared: Any, ranks: int) -> None:
+def test_joints_take_over_what_follows_from_where_h_has_entries(on_ranks: OnRanks, ranks: int) -> None:
     """Where it has them where it had them, and the blocks are those of joints without anything earlier. Where nothing need be compared for
     that h is made of a rank's own contacts and those around them alone."""
-    for rank in shared(ranks):
+    for rank in on_ranks("two_level", ranks):
         assert rank["taken over"] == [True, True, False]
         assert rank["the same"] == [True, True, True]
         asked, around, every = rank["contacts of h"]
@@ -91,22 +74,22 @@ def test_joints_take_over_what_follows_from_where_h_has_entries(shared: Any, ran
 
 
 @pytest.mark.parametrize("ranks", RANKS)
-def test_products_are_those_of_W(shared: Any, ranks: int) -> None:
+def test_products_are_those_of_W(on_ranks: OnRanks, ranks: int) -> None:
     W, _ = alone()
     _, _, x = given(W)
-    for answer in shared(ranks):
+    for answer in on_ranks("two_level", ranks):
         assert np.linalg.norm(answer["product"] - W @ x.ravel()) <= 1e-13 * np.linalg.norm(W @ x.ravel())
 
 
 @pytest.mark.parametrize("ranks", RANKS)
-def test_copies_of_what_ranks_sum_have_the_bits_of_their_owners(shared: Any, ranks: int) -> None:
+def test_copies_of_what_ranks_sum_have_the_bits_of_their_owners(on_ranks: OnRanks, ranks: int) -> None:
     """A W x + B x on each rank's own contacts and those around them, its length and other sums by the same exchange."""
     W, _ = alone()
     x = given(W)[2]
     A, B = blocks_of_all(len(x))
     image = np.einsum("aij,aj->ai", A, (W @ x.ravel()).reshape(-1, 3)) + np.einsum("aij,aj->ai", B, x)
     of_owners = np.full(image.shape, np.nan)
-    answers = shared(ranks)
+    answers = on_ranks("two_level", ranks)
     for answer in answers:
         of_owners[answer["own"]] = np.reshape(answer["joined"][0], (-1, 3))[: len(answer["own"])]
     for answer in answers:
@@ -119,7 +102,7 @@ def test_copies_of_what_ranks_sum_have_the_bits_of_their_owners(shared: Any, ran
 
 
 @pytest.mark.parametrize("ranks", RANKS)
-def test_the_preconditioner_is_that_of_one_process(shared: Any, ranks: int) -> None:
+def test_the_preconditioner_is_that_of_one_process(on_ranks: OnRanks, ranks: int) -> None:
     """To single precision, in which it is computed; from it one other follows, which then has its blocks."""
     W, joints = alone()
     A, B, x = given(W)
@@ -128,7 +111,7 @@ def test_the_preconditioner_is_that_of_one_process(shared: Any, ranks: int) -> N
     first = P(x.ravel())
     A[::7], B[::7] = 0, np.eye(3)
     P.update(A, B)
-    for answer in shared(ranks):
+    for answer in on_ranks("two_level", ranks):
         for name, expected in (("preconditioned", first), ("changed", P(x.ravel()))):
             assert np.linalg.norm(answer[name] - expected) <= 1e-4 * np.linalg.norm(expected)
         assert answer["given away"] == [True, True, False]
@@ -136,9 +119,9 @@ def test_the_preconditioner_is_that_of_one_process(shared: Any, ranks: int) -> N
 
 
 @pytest.mark.parametrize("ranks", RANKS)
-def test_ranks_have_the_preconditioner_s_answer_at_their_bodies_with_its_owner_s_bits(shared: Any, ranks: int) -> None:
-    assert any(answer["of others"][0] for answer in shared(ranks))
-    for answer in shared(ranks):
+def test_ranks_have_the_preconditioner_s_answer_at_their_bodies_with_its_owner_s_bits(on_ranks: OnRanks, ranks: int) -> None:
+    assert any(answer["of others"][0] for answer in on_ranks("two_level", ranks))
+    for answer in on_ranks("two_level", ranks):
         contacts, first, changed = answer["of others"]
         assert not set(contacts) & set(answer["own"])
         for name, values in (("preconditioned", first), ("changed", changed)):
@@ -146,13 +129,13 @@ def test_ranks_have_the_preconditioner_s_answer_at_their_bodies_with_its_owner_s
 
 
 @pytest.mark.parametrize("ranks", RANKS)
-def test_the_solution_is_one_of_the_whole_system(shared: Any, ranks: int) -> None:
+def test_the_solution_is_one_of_the_whole_system(on_ranks: OnRanks, ranks: int) -> None:
     """Near a solution to the defect that is asked for, far from one to the accuracy of reactions; the same bits on all ranks."""
     W, _ = alone()
     A, B, x = given(W)
     J = newton_matrix(A, W.toarray(), B)
     exact = np.linalg.solve(J, x.ravel())
-    answers = shared(ranks)
+    answers = on_ranks("two_level", ranks)
     for (near, image), (far, _) in (answer["solved"] for answer in answers):
         assert np.linalg.norm(J @ near - x.ravel()) <= 2 * system.SAFETY * 0.2 * np.linalg.norm(x)
         assert np.linalg.norm(image - W @ near) <= 1e-13 * np.linalg.norm(np.abs(W) @ np.abs(near))
@@ -163,13 +146,13 @@ def test_the_solution_is_one_of_the_whole_system(shared: Any, ranks: int) -> Non
 
 
 @pytest.mark.parametrize("ranks", RANKS)
-def test_patches_are_those_of_one_process_and_solved_by_the_ranks(shared: Any, ranks: int) -> None:
+def test_patches_are_those_of_one_process_and_solved_by_the_ranks(on_ranks: OnRanks, ranks: int) -> None:
     """Around all joints above the limit that have none in common, around one, and none: by W's entries; the same bits on all ranks."""
     W, joints = alone()
     nc = len(joints.order)
     given_here, limits = unsolved(W.diagonal().reshape(nc, 3))
     u, r, mu, rho, weight = given_here
-    answers = shared(ranks)
+    answers = on_ranks("two_level", ranks)
     for answer in answers:
         assert answer["settled"] == answers[0]["settled"]
         assert answer["knows"] == [True, False] and answer["nowhere"] == [True, True]

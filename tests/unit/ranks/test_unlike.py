@@ -3,33 +3,20 @@ one rank fails amid exchanges."""
 
 from __future__ import annotations
 
-import json
 from functools import cache
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
 from fcsim.problem import scaled_error
 from fcsim.timestep.step import Step
-from tests.unit.ranks.conftest import Program
+from tests.unit.ranks.conftest import OnRanks, Program
 from tests.unit.ranks.test_shared_run import seconds_since
 from tests.unit.ranks.unlike import FAILING, MODELS
 
 PROGRAM = Path(__file__).with_name("unlike.py")
 ENVIRONMENT = {"PYTHONPATH": str(Path(__file__).parents[3])}
-
-
-@pytest.fixture(scope="module")
-def shared(mpiexec: Program, tmp_path_factory: pytest.TempPathFactory) -> list[Any]:
-    """What each of two ranks has found."""
-    for name in MODELS:  # first, so that the ranks find compiled what one process computes with: each would compile it
-        alone(name)
-    folder = tmp_path_factory.mktemp("ranks")
-    ended = mpiexec(2, PROGRAM, folder, env=ENVIRONMENT)
-    assert ended.code == 0, ended.err
-    return [json.loads((folder / f"{rank}.json").read_text(encoding="utf-8")) for rank in range(2)]
 
 
 @cache
@@ -38,13 +25,13 @@ def alone(name: str) -> list[Step]:
 
 
 @pytest.mark.parametrize("name", MODELS)
-def test_the_answer_is_one_of_one_process_problem(shared: list[Any], name: str) -> None:
-    first = alone(name)[0]
-    for rank in (answer[name][0] for answer in shared):
+def test_the_answer_is_one_of_one_process_problem(on_ranks: OnRanks, name: str) -> None:
+    first, answers = alone(name)[0], on_ranks("unlike", 2)
+    for rank in (answer[name][0] for answer in answers):
         # M and W sum in another order, and inner forces are linearised at another end of the step: by their round-off, some 1e-16 E L dx, a
         # node of the lever's steel is 1e-8 m/s faster or slower, a millionth of the 0.01 m/s by which it falls in a step
         assert scaled_error(first.reduction.local, np.array(rank["r"])) <= 100 * first.attempts[-1].tol
-    for step, *ranks in zip(alone(name), *(answer[name] for answer in shared), strict=True):
+    for step, *ranks in zip(alone(name), *(answer[name] for answer in answers), strict=True):
         expected = -step.contact_force_on(step.model.number["floor"])
         for rank in ranks:
             assert rank["distributed"] and rank["digest"] == ranks[0]["digest"]
@@ -52,16 +39,16 @@ def test_the_answer_is_one_of_one_process_problem(shared: list[Any], name: str) 
             assert np.linalg.norm(rank["force"] - expected) <= 1e-5 * np.linalg.norm(expected)
 
 
-def test_joints_of_few_contacts_take_no_more_iterations_than_in_one_process(shared: list[Any]) -> None:
+def test_joints_of_few_contacts_take_no_more_iterations_than_in_one_process(on_ranks: OnRanks) -> None:
     """Where the preconditioner magnifies what it does not know, its defect says nothing: by that alone Newton's method took fifty times as
     many."""
     taken = sum(attempt.iterations for step in alone("lever") for attempt in step.attempts)
-    assert sum(step["iterations"] for step in shared[0]["lever"]) <= 2 * taken
+    assert sum(step["iterations"] for step in on_ranks("unlike", 2)[0]["lever"]) <= 2 * taken
 
 
-def test_what_hardly_resists_is_solved_for_more_sharply_where_newton_stalls(shared: list[Any]) -> None:
+def test_what_hardly_resists_is_solved_for_more_sharply_where_newton_stalls(on_ranks: OnRanks) -> None:
     """Corners of quadratic cells: Newton's method by itself, in fewer iterations than it may take (200)."""
-    assert shared[0]["tower of quadratic cells"][0]["iterations"] < 200
+    assert on_ranks("unlike", 2)[0]["tower of quadratic cells"][0]["iterations"] < 200
 
 
 @pytest.mark.parametrize("error", ["MemoryError", pytest.param("SingularMatrix", marks=pytest.mark.slow)])

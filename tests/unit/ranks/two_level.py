@@ -1,10 +1,9 @@
-"""What ranks make together of Newton's linear system on a wall, see `test_two_level.py`. Run as a program under mpiexec, each rank writes
-what it has as JSON into the folder that it is given."""
+"""What ranks make together of Newton's linear system on a wall, see `test_two_level.py`. `main` has each rank write what it has as
+JSON into a folder."""
 
 from __future__ import annotations
 
 import json
-import sys
 from dataclasses import replace
 from pathlib import Path
 from unittest import mock
@@ -130,12 +129,12 @@ def made_together(W: DistributedDelassus) -> dict[str, object]:
     }
 
 
-if __name__ == "__main__":
-    with sharing() as ranks:
+def main(folder: Path) -> None:
+    on_any_wall = replace(SOLVERS["NSN-AC"], over_ranks_from=0.0)  # so small a one is not worth it
+    with sharing() as ranks, mock.patch.dict(SOLVERS, {"NSN-AC": on_any_wall}):
         assert ranks is not None
-        SOLVERS["NSN-AC"] = replace(SOLVERS["NSN-AC"], over_ranks_from=0.0)  # so small a wall is not worth it
         posed = iter(simulation("NSN-AC", 2)[0])
         next(posed)
         W = next(posed).reduction.local.W
         assert isinstance(W, DistributedDelassus)
-        Path(sys.argv[1], f"{ranks.number}.json").write_text(json.dumps(made_together(W)), encoding="utf-8")
+        (folder / f"{ranks.number}.json").write_text(json.dumps(made_together(W)), encoding="utf-8")

@@ -1,11 +1,10 @@
-"""A wall whose W is shared by the ranks, and what each rank finds. Run as a program under mpiexec, each rank
-writes it as JSON into the folder that it is given."""
+"""A wall whose W is shared by the ranks, and what each rank finds. `main` has each rank write it as JSON into
+a folder."""
 
 from __future__ import annotations
 
 import hashlib
 import json
-import sys
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -82,13 +81,12 @@ def found(name: str, steps: int) -> list[dict[str, object]]:
     return [seen(step, sensors) for step in posed if step.number > 1]
 
 
-if __name__ == "__main__":
-    with sharing() as ranks:
+def main(folder: Path) -> None:
+    on_any_wall = {name: replace(method, over_ranks_from=0.0) for name, method in SOLVERS.items()}  # so small a one is not worth it
+    with sharing() as ranks, mock.patch.dict(SOLVERS, on_any_wall):
         assert ranks is not None
-        for name, method in SOLVERS.items():  # so small a wall is not worth it
-            SOLVERS[name] = replace(method, over_ranks_from=0.0)
         answer = {name: found(name, 3) for name in METHODS}
         # where GMRES does not get there on any rank, all go on with all of W
         with mock.patch.object(TwoLevelOverRanks, "solve", lambda *arguments: None):
             answer["NSN-AC with all of W"] = found("NSN-AC", 3)
-        Path(sys.argv[1], f"{ranks.number}.json").write_text(json.dumps(answer), encoding="utf-8")
+        (folder / f"{ranks.number}.json").write_text(json.dumps(answer), encoding="utf-8")
