@@ -124,6 +124,7 @@ def test_rigid_block_on_a_slope(d: int, tilt: str, factor: float) -> None:
     assert_allclose(np.linalg.norm(slip, axis=1), expected, atol=1e-7)
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("d", [2, 3])
 @pytest.mark.parametrize("factor", [0.8, 1.5])
 def test_deformable_block_on_a_slope(d: int, factor: float) -> None:
@@ -146,6 +147,7 @@ def test_deformable_block_on_a_slope(d: int, factor: float) -> None:
     assert_allclose(found[0], found[1], atol=1e-6)
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("d", [2, 3])
 @pytest.mark.parametrize("kind", ["rigid", "deformable"])
 def test_stopping_distance(d: int, kind: str) -> None:

@@ -47,6 +47,7 @@ def run(model: Model, pairs: Any, steps: int, scheme: Any, **settings: Any) -> l
     return list(Simulation(model, Detector(list(pairs), model.n_nodes), scheme, steps, SolverSettings(**settings)))
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("d", [2, 3])
 @pytest.mark.parametrize(("rule", "matching"), [("nodes", True), ("faces", True), ("mortar", False), ("segments", False)])
 def test_far_apart_lost_and_regained(rule: Any, matching: bool, d: int) -> None:

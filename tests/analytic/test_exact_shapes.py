@@ -68,6 +68,7 @@ def of(step: Step, name: str, what: str = "v") -> Any:
     return getattr(step.state, what)[first : first + len(DIRECTIONS[model.dimension])]
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("d", [2, 3])
 @pytest.mark.parametrize("unit", [1e-3, 1.0])
 def test_a_ball_slides_then_rolls(d: int, unit: float) -> None:
@@ -145,6 +146,7 @@ def test_a_capsule_that_falls_on_its_end_comes_to_lie() -> None:
     assert abs(of(steps[-1], "capsule")[4]) < 0.5
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("kind", ["rigid", "brick", pytest.param("tetrahedra", marks=pytest.mark.slow)])
 @pytest.mark.parametrize("place", ["face", "seam"])
 def test_a_ball_rolls_over_facets_as_on_a_plane(kind: str, place: str) -> None:

@@ -14,6 +14,7 @@ from fcsim.contact_law import Gap, SlipWeakening, StaticKinetic
 from fcsim.mesh import rectangle
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("rule", ["everything", "segments"])
 @pytest.mark.parametrize(
     ("friction", "scheme", "pace"),

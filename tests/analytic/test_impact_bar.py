@@ -107,6 +107,7 @@ def total(got: Impact) -> np.ndarray:
     return np.concatenate([[1.0], got.kinetic + got.elastic])
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("courant", [0.5, 1.0])
 @pytest.mark.parametrize("lumped", [True, False])
 def test_restitution_one_keeps_the_energy(courant: float, lumped: bool) -> None:
@@ -115,6 +116,7 @@ def test_restitution_one_keeps_the_energy(courant: float, lumped: bool) -> None:
     assert_allclose(energy, 1, rtol=1e-9)
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("restitution", [0.0, 0.4, 0.6])
 @pytest.mark.parametrize("theta", [0.5, 0.6])
 def test_energy_never_grows(theta: float, restitution: float) -> None:

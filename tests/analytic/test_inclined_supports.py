@@ -130,6 +130,7 @@ def test_a_rigid_body_turns_about_an_inclined_axis() -> None:
     assert abs(step.energy.residual) < 1e-12
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("name", [*SCHEMES])
 @pytest.mark.parametrize("driven", ["eliminated", "identity"])
 def test_a_problem_turned_in_space_is_the_same_problem(name: str, driven: Any) -> None:

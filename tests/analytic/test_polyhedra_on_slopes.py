@@ -29,6 +29,7 @@ def last(bodies: list[RigidBody], mu: float, h: float, steps: int) -> Step:
     return step
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize(("size", "density"), [(1.0, 2000.0), (1e-3, 2000.0), (1.0, 1e-9)])
 @pytest.mark.parametrize("degrees", [21.0, 23.0])
 def test_sliding_begins_at_the_angle_of_friction(size: float, density: float, degrees: float) -> None:

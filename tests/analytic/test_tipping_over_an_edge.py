@@ -30,6 +30,7 @@ def tipped(time: float) -> np.ndarray:
     return solve_ivp(rates, (0.0, time), [0.0, 0.0, 1.0, 0.0], rtol=1e-9).y[1, -1]
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("d", [2, 3])
 @pytest.mark.parametrize("L", [1.0, 1e3])
 def test_a_brick_tips_over_the_edge(d: int, L: float) -> None:

@@ -316,6 +316,7 @@ def test_compiling_does_not_count_into_the_limit(in_a_second: dict[str, Measurem
     assert row.solved and row.seconds is not None and row.seconds < 1, row.status
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("dimension", [2, 3])
 @pytest.mark.parametrize("constrained", [False, True])
 @pytest.mark.parametrize("storage", [sp.csc_array, sp.csr_array])

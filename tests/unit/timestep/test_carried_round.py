@@ -33,6 +33,7 @@ def carried(scheme: Any, steps: int, omega: float = OMEGA, elastic: bool = False
     return float(np.log(np.hypot(*x.mean(axis=0)[:2]) / RADIUS)), done
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("elastic", [False, True])
 @pytest.mark.parametrize("scheme", [Theta(5e-3), Theta(5e-3, 1.0), GeneralisedAlpha(5e-3, 0.8)])
 def test_how_far_it_creeps(scheme: Any, elastic: bool) -> None:

@@ -77,6 +77,7 @@ def test_free_vibration_converges_with_the_order_of_the_scheme(theta: float, ord
     assert_allclose(slopes, order, atol=0.15)
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("theta", [0.5, 0.6, 1.0])
 @pytest.mark.parametrize("kinematics", ["linear", "turning"])
 @pytest.mark.parametrize("held", [True, False])
