@@ -18,7 +18,7 @@ import scipy.sparse as sp
 from fcsim.arrays import FloatArray, Matrix
 from fcsim.brief import brief, by_fields
 from fcsim.errors import InputError
-from fcsim.linear.late.late_rows import source_of
+from fcsim.linear.late.late_rows import source_of, with_short_indices
 from fcsim.linear.over_ranks.implicit_matrix import ImplicitMatrix, LateMatrix, with_entries
 from fcsim.problem.bodies.shares import KnownShares
 from fcsim.problem.delassus import Delassus
@@ -177,10 +177,9 @@ class GlobalForm:
 
     def _check_matrices(self) -> None:
         """Make the matrices arrays of floats; InputError where they do not fit the vectors."""
-        object.__setattr__(self, "M", as_matrix(self.M, "M", (self.n, self.n)))
-        object.__setattr__(self, "H", as_matrix(self.H, "H", (self.n, self.m)))
-        if self.b is not None:
-            object.__setattr__(self, "G", as_matrix(self.G, "G", (self.n, len(self.b))))
+        columns = {"M": self.n, "H": self.m} | ({} if self.b is None else {"G": len(self.b)})
+        for name, count in columns.items():
+            object.__setattr__(self, name, with_short_indices(as_matrix(getattr(self, name), name, (self.n, count))))
         if isinstance(self.M, LateMatrix):
             self.__dict__["_late"] = self.__dict__.pop("M")
 
@@ -286,6 +285,8 @@ class LocalProblem:
         object.__setattr__(self, "q", q)
         object.__setattr__(self, "mu", _friction(self.mu, len(q), self.dimension))
         given, W = self.W, as_matrix(self.W, "W", (len(q), len(q)))
+        if self.motion is None and self.shares is None:  # which are known of the very matrix
+            W = with_short_indices(W)
         object.__setattr__(self, "W", W)
         if W is not given and self.motion is not None and self.motion.of(given) is not None:
             object.__setattr__(self, "motion", self.motion.stored_as(given, W))  # it goes with the copy, or solvers would not know it
@@ -294,8 +295,8 @@ class LocalProblem:
         if self.V is not None:
             s = as_vector(self.s, "s")
             object.__setattr__(self, "s", s)
-            object.__setattr__(self, "V", as_matrix(self.V, "V", (len(q), len(s))))
-            object.__setattr__(self, "R", as_matrix(self.R, "R", (len(s), len(s))))
+            object.__setattr__(self, "V", with_short_indices(as_matrix(self.V, "V", (len(q), len(s)))))
+            object.__setattr__(self, "R", with_short_indices(as_matrix(self.R, "R", (len(s), len(s)))))
 
     @property
     def m(self) -> int:

@@ -127,7 +127,7 @@ def test_in_mixed_mode_the_shares_of_the_energies_add_up_to_one() -> None:
     balanced(steps)
 
 
-@pytest.mark.parametrize("ratio", [0.2, 1.0, 5.0])
+@pytest.mark.parametrize("ratio", [0.2, pytest.param(1.0, marks=pytest.mark.slow), 5.0])
 def test_tension_lowers_the_shear_strength_and_what_fractures_is_the_work(ratio: float) -> None:
     """Under a held tension s < f_t (of springs) the joint slides at (c / f_t) (f_t i - s), i = 1 - slip / (2 G_II / c), and breaks: the
     work of the shear force is the part of the fracture energy that is dissipated, the integral of c (i - s / f_t) over the slip."""

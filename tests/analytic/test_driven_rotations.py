@@ -32,7 +32,7 @@ def steps(model: Model, scheme: Any, count: int) -> list[Step]:
     return list(Simulation(model, Everything(model, 0.3), scheme, count, witness=None))
 
 
-@pytest.mark.parametrize("scheme", [Theta(4e-3), Theta(4e-3, 1.0), GeneralisedAlpha(4e-3, 0.8)])
+@pytest.mark.parametrize("scheme", [Theta(4e-3), pytest.param(Theta(4e-3, 1.0), marks=pytest.mark.slow), GeneralisedAlpha(4e-3, 0.8)])
 def test_a_body_spun_about_an_odd_axis(scheme: Any) -> None:
     """A box, its centre off the axis, turned by 3 t + t^2 / 2: it stands where the angle says; the support's force is m (a + g), its moment
     about the centre J omega' + omega x J omega; the power it supplies is what the kinetic energy and the weight take."""

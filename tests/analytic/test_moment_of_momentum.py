@@ -43,7 +43,7 @@ def test_impact_with_friction_keeps_the_moment_of_momentum(bodies: tuple, law: L
     assert friction > 5e-3 and apart > 1e-6  # they did meet, and not where they touch
 
 
-@pytest.mark.parametrize("held", [("x", "y", "z"), ("rz",), ("x",)])
+@pytest.mark.parametrize("held", [("x", "y", "z"), ("rz",), pytest.param(("x",), marks=pytest.mark.slow)])
 def test_what_supports_hold_in_part_keeps_the_moment_of_momentum_with_them(held: tuple[str, ...]) -> None:
     """The change of a step is the moment of the supports' impulses in its middle. A box held at its centre lost 3e-5 of 0.3 in a step."""
     model = build_model(BOXES, supports=[Support("low", held)])

@@ -100,7 +100,7 @@ def on_body(steps: Sequence[Step], body: int) -> np.ndarray:
 
 
 @METRES
-@pytest.mark.parametrize(("aside", "mu"), [(0.07, 0.3), (0.03, 0.0), (-0.07, 0.3)])
+@pytest.mark.parametrize(("aside", "mu"), [(0.07, 0.3), (0.03, 0.0), pytest.param(-0.07, 0.3, marks=pytest.mark.slow)])
 def test_a_corner_on_a_corner_slides_down_its_side(unit: float, aside: float, mu: float) -> None:
     """Two diamonds, the upper one beside the axis and driven down: it is pushed to where it stands. Corner exactly on corner has two
     answers."""

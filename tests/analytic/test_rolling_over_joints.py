@@ -45,11 +45,11 @@ def rolled(
 @pytest.mark.parametrize(
     ("kind", "v0", "h", "steps", "skew"),
     [
-        ("ball", 3.0, 1e-3, 80, 0.0),
+        pytest.param("ball", 3.0, 1e-3, 80, 0.0, marks=pytest.mark.slow),
         ("ball", 20.0, 1e-3, 60, 0.2),
         ("disk", 20.0, 1e-3, 60, 0.0),
         ("capsule", 15.0, 1e-3, 40, 0.3),
-        ("cylinder", 15.0, 1e-3, 40, 0.0),
+        pytest.param("cylinder", 15.0, 1e-3, 40, 0.0, marks=pytest.mark.slow),
         ("cylinder", 15.0, 1e-3, 40, 0.3),
     ],
 )
@@ -62,7 +62,9 @@ def test_joints_of_a_level_ground_do_not_stop_what_rolls(kind: str, v0: float, h
     assert np.abs(places[:, 1] + way * np.sin(skew)).max() < 1e-8
 
 
-@pytest.mark.parametrize(("kind", "second"), [("ball", 2e-3), ("cylinder", 2e-3), ("disk", 2e-3), ("ball", 2e-5)])
+@pytest.mark.parametrize(
+    ("kind", "second"), [("ball", 2e-3), ("cylinder", 2e-3), pytest.param("disk", 2e-3, marks=pytest.mark.slow), ("ball", 2e-5)]
+)
 def test_steps_of_the_ground_still_do(kind: str, second: float) -> None:
     """A step upwards lifts what rolls over it; of two thousandths of the radius too: rolling slowly, it ends on the upper tile."""
     places = rolled(kind, 1.0, 1e-3, 95, second=second, mu=0.6, begin=0.1)
@@ -97,7 +99,7 @@ def test_vertices_of_an_elastic_ground_do_not_throw_what_rolls_over_them() -> No
     assert np.abs(moved[:, 0] - 15.0).max() < 1e-3
 
 
-@pytest.mark.parametrize("kind", ["ball", "capsule", "cylinder"])
+@pytest.mark.parametrize("kind", ["ball", pytest.param("capsule", marks=pytest.mark.slow), "cylinder"])
 def test_joints_of_elastic_tiles_do_not_throw_what_rolls_over_them(kind: str) -> None:
     """The tile that bears is a micrometre lower than the next one, whose edge had thrown the ball up by 24 mm, the cylinder by 30."""
     tiles = [elastic(f"tile {i}", 0.3, (3, 2, 1), 0.3 * i) for i in range(3)]

@@ -83,7 +83,7 @@ def test_a_spring_goes_with_a_disk_from_segment_to_segment(kind: str) -> None:
     assert force == pytest.approx(-K * SPEED * H * (np.arange(100) + 0.5), abs=1e-6)
 
 
-@pytest.mark.parametrize("kind", ["plane", "box", "mesh"])
+@pytest.mark.parametrize("kind", ["plane", pytest.param("box", marks=pytest.mark.slow), "mesh"])
 def test_the_way_slid_goes_with_a_ball_from_facet_to_facet(kind: str) -> None:
     """Friction that falls with the way slid, as it was at the beginning of each step, under a ball's weight."""
     static, dynamic, distance = 0.5, 0.1, 0.2

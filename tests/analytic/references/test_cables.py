@@ -8,7 +8,7 @@ from fcsim.linkage import Cable, Linkage, WithCables
 from fcsim.mesh import rigid_sphere
 
 
-@pytest.mark.parametrize("h", [1e-3, 1e-4, 1e-5])
+@pytest.mark.parametrize("h", [1e-3, pytest.param(1e-4, marks=pytest.mark.slow), 1e-5])
 def test_a_ball_whirled_on_a_cable_stays_on_its_circle(h: float) -> None:
     """1 kg at 20 m/s on a cable of 1 m: distance L, speed v, tension m v^2 / L, to the order (omega h)^2 of the scheme for every step.
 

@@ -38,7 +38,11 @@ def pressed(
 
 @pytest.mark.parametrize(
     ("law", "elements", "unit"),
-    [(Material, "Q1-enhanced", 1.0), (Material, "Q1-enhanced", 1e-3), (saint_venant_kirchhoff, "Q1-bbar", 1.0)],
+    [
+        pytest.param(Material, "Q1-enhanced", 1.0, marks=pytest.mark.slow),
+        (Material, "Q1-enhanced", 1e-3),
+        (saint_venant_kirchhoff, "Q1-bbar", 1.0),
+    ],
 )
 def test_hertz(law: Any, elements: str, unit: float) -> None:
     """F = 4/3 E* sqrt(R) d^(3/2), H. Hertz 1881, at each of four depths (mm, and m); contacts by the vertices, not by one facet."""

@@ -11,7 +11,9 @@ from fcsim.mesh import brick, rigid_box, rigid_sphere
 HELD = ("x", "y", "z", "rx", "ry", "rz")
 
 
-@pytest.mark.parametrize("scheme", [fcsim.Theta(1e-2), fcsim.Theta(1e-2, theta=1.0), fcsim.GeneralisedAlpha(1e-2)])
+@pytest.mark.parametrize(
+    "scheme", [fcsim.Theta(1e-2), pytest.param(fcsim.Theta(1e-2, theta=1.0), marks=pytest.mark.slow), fcsim.GeneralisedAlpha(1e-2)]
+)
 def test_a_block_that_a_force_throws_at_a_wall_presses_it(scheme: Any) -> None:
     """1 kg under 10 kN: 1 m in the first step of 10 ms, the wall of 0.1 m is 0.4 m away. Before, it flew on behind the wall."""
     wall = rigid_box("wall", (0.1, 2.0, 2.0), (0.5, 0.0, 0.0), 1.0)

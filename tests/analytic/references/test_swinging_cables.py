@@ -62,7 +62,7 @@ def test_a_bob_that_goes_round_without_gravity_keeps_its_energy(theta: float, un
     assert steps[-1].ledger.created < order * steps[-1].ledger.supplied
 
 
-@pytest.mark.parametrize(("theta", "beside"), [(0.5, 0.0), (1.0, 0.0), (1.0, 0.3)])
+@pytest.mark.parametrize(("theta", "beside"), [(0.5, 0.0), pytest.param(1.0, 0.0, marks=pytest.mark.slow), (1.0, 0.3)])
 def test_a_bob_swings_with_the_elliptic_period(theta: float, beside: float) -> None:
     """Half a period is 2 sqrt(L / g) K(sin^2(phi / 2)), v^2 = 2 g L (1 - cos phi); two cables swing about the line of their ends."""
     h = 0.01

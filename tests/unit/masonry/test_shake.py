@@ -51,7 +51,7 @@ def slid(a: float, duration: float) -> float:
     return float(way + speed**2 / (2 * drag))
 
 
-@pytest.mark.parametrize(("a", "duration"), [(100.0, 5e-3), (400.0, 2e-3), (20.0, 0.05)])
+@pytest.mark.parametrize(("a", "duration"), [(100.0, 5e-3), (400.0, 2e-3), pytest.param(20.0, 0.05, marks=pytest.mark.slow)])
 def test_pulses_shorter_than_a_step(tmp_path: Path, a: float, duration: float) -> None:
     """At the steps themselves the record of 2 ms is zero, of 5 ms it is seen once or twice."""
     pulse = {"base_acceleration": {"kind": "half_sine", "value": [a, 0, 0], "duration": duration}}

@@ -263,3 +263,19 @@ def test_matrix_that_is_made_when_it_is_read() -> None:
         problem.K  # type: ignore[attr-defined]  # noqa: B018
     with pytest.raises(InputError, match=r"M: expected shape \(4, 4\), got \(3, 3\)"):
         GlobalProblem(**global_arguments(M=LateMatrix(3, lambda v: v, whole)))
+
+
+@pytest.mark.parametrize("storage", [sp.csr_array, sp.csc_array])
+def test_long_indices_become_short_ones(storage: type) -> None:
+    """Loops were compiled anew for them. Entries of one place twice and out of order stay as they are in the matrix that was given."""
+    indices, indptr = np.array([2, 0, 0, 1, 2], dtype=np.int64), np.array([0, 3, 4, 5], dtype=np.int64)
+    data = np.array([1.0, 2.0, 1.0, 4.0, 5.0])
+    long = storage((data.copy(), indices.copy(), indptr.copy()), shape=(3, 3))
+    W, eye, q = long @ long.T, sp.eye_array(3, format="csc"), np.array([-1.0, 0.3, 0.0])
+    assert long.indices.dtype == W.indices.dtype == np.int64
+    forms = GlobalProblem(eye, long, np.zeros(3), q, [0.5]), LocalProblem(W, q, [0.5])
+    for found, expected in zip((forms[0].H, forms[1].W), (long, W), strict=True):
+        assert found.indices.dtype == found.indptr.dtype == np.int32
+        assert np.array_equal(found.toarray(), expected.toarray())
+    forms[0].H.sum_duplicates()
+    assert np.array_equal(long.indices, indices) and np.array_equal(long.data, data)

@@ -41,6 +41,7 @@ def common_ball(first: FloatArray, second: FloatArray) -> float:
     return float(linprog([0, 0, 0, -1], A_ub=walls, b_ub=-planes[:, 3], bounds=[(None, None)] * 4).x[3])
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("size", [(1.0, 1.0, 1.0), (3.0, 3.0, 0.3), (0.3, 0.3, 3.0)])
 @pytest.mark.parametrize("astray", [1e-5, 1e-4])
 def test_contacts_of_cells_laid_astray(size: tuple[float, float, float], astray: float) -> None:

@@ -61,6 +61,7 @@ def model_of(p: np.ndarray, q: np.ndarray, dimension: int) -> Model:
     return build_model([make("one", p), make("other", q)])
 
 
+@pytest.mark.each_value
 @pytest.mark.parametrize("dimension", [2, 3])
 @pytest.mark.parametrize("seed", range(3))
 def test_what_overlaps_at_its_corners_has_a_contact(dimension: int, seed: int) -> None:

@@ -472,16 +472,16 @@ from fcsim.solvers.newton.systems import choice, condensed
 from fcsim.solvers.newton.systems.two_level import joints, system
 from test_two_level import walls
 condensed.TWO_LEVEL_FROM = choice.TWO_LEVEL_FROM = 1
-system.ENTRIES_A_PIECE = joints.WORK_A_PIECE = 20_000
+system.ENTRIES_A_PIECE = joints.WORK_A_PIECE = 8_000
 with limited_threads():  # as in a run: what stands between steps is made by BLAS too
-    for step in walls(1e-6, courses="6", blocks="7.5", steps="3"):
+    for step in walls(1e-6, courses="4", blocks="5.5", steps="3"):
         print(hashlib.sha256(step.result.r.tobytes()).hexdigest(), step.result.iterations)
 """
 
 
 @pytest.mark.parametrize("threads", ["3", pytest.param("2", marks=pytest.mark.slow)])
 def test_whole_steps_have_the_same_bits_on_any_number_of_threads(threads: str) -> None:
-    """A wall of 48 bricks, its work cut finely, all of Newton's systems by this way: reactions of every step, in processes of their own."""
+    """A wall of 24 bricks, its work cut finely, all of Newton's systems by this way: reactions of every step, in processes of their own."""
 
     def begun(threads: str) -> subprocess.Popen[str]:
         command = [sys.executable, "-c", STEPS, str(Path(__file__).parent)]
