@@ -103,7 +103,8 @@ def _solved(equation: Equation, solver: StepSolver, past: Past) -> tuple[Answer 
         term = mixing.next_point(elastic.of_dofs(allowed))
         clock.lap("assembly")
     apart = TOLERANCE * float(change.max())
-    attempts.append(Attempt("turning bodies", "the free motion", "did not settle", apart, MAX_ITERATIONS, equation.share, TOLERANCE))
+    why = "" if equation.scheme.timing.moving else LOOSE
+    attempts.append(Attempt("turning bodies", "the free motion", "did not settle", apart, MAX_ITERATIONS, equation.share, TOLERANCE, why=why))
     return None, past
 
 
@@ -142,6 +143,10 @@ def _start(
     return reactions[0].transfer(met.contacts, met.rows) if reactions else np.zeros(rolling.problem.m)
 
 
+LOOSE = (
+    "statics of turning bodies of linear material have no stiffness by the stress in them, so that what supports and links leave free to turn "
+    "does not settle: hold it, take a larger eta in more steps, or follow it in dynamics"
+)
 ROUND = float(np.finfo(np.float64).eps)
 """Tolerances below it are met by nothing."""
 ROUGHEST_ASKED = 1e-6
