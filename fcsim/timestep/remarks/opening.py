@@ -12,7 +12,7 @@ from fcsim.assembly.model import Model
 from fcsim.contact_detection import Detection, Detector
 from fcsim.contact_detection.never_touching import never_touching
 from fcsim.linkage import Linkage
-from fcsim.mesh.part import Body
+from fcsim.mesh.part import Body, RigidBody
 from fcsim.timestep.chain import SolverSettings
 from fcsim.timestep.links.mechanisms import mechanisms
 from fcsim.timestep.links.undetermined import undetermined_forces
@@ -99,9 +99,13 @@ def _points(model: Model, positions: FloatArray) -> list[FloatArray]:
 
 
 def _densities(model: Model) -> FloatArray:
-    """[kg/m^3] Of the bodies, those known; of rigid ones at most, that of a body which fills its box."""
-    found = []
-    for body in model.bodies:
+    """[kg/m^3] Of the bodies, those known; of rigid ones at most, that of a body which fills its box, not of those that supports keep where
+    they are, whose mass may be any."""
+    found, driven = [], np.zeros(model.n_dofs, dtype=bool)
+    driven[model.driven_dofs] = True
+    for body, first in zip(model.bodies, model.dof_offset.tolist(), strict=False):
+        if isinstance(body, RigidBody) and driven[first : first + model.dimension].all():
+            continue
         if isinstance(body, Body):
             density = getattr(body.part.material, "density", None)
         else:

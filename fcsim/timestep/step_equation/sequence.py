@@ -103,15 +103,16 @@ def _solved(equation: Equation, solver: StepSolver, past: Past) -> tuple[Answer 
         term = mixing.next_point(elastic.of_dofs(allowed))
         clock.lap("assembly")
     apart = TOLERANCE * float(change.max())
-    why = "" if equation.scheme.timing.moving else LOOSE
-    attempts.append(Attempt("turning bodies", "the free motion", "did not settle", apart, MAX_ITERATIONS, equation.share, TOLERANCE, why=why))
+    last = Attempt("turning bodies", "the free motion", "did not settle", apart, MAX_ITERATIONS, equation.share, TOLERANCE)
+    attempts.append(last if equation.scheme.timing.moving else replace(last, why=LOOSE))
     return None, past
 
 
 def _explain(attempts: list[Attempt], equation: Equation, problem: GlobalProblem | GlobalRollingProblem, reduction: Reduction) -> None:
     """Say of the last attempt why the step's problem has no answer, where that is known."""
     if isinstance(problem, GlobalProblem):
-        attempts[-1] = replace(attempts[-1], why=unanswered(reduction.local, equation.met.contacts, equation.model))
+        driven = bool(np.any(equation.driven))
+        attempts[-1] = replace(attempts[-1], why=unanswered(reduction.local, equation.met.contacts, equation.model, driven))
 
 
 def _newton_begins(name: str, serving: Memory | None) -> bool:
@@ -144,8 +145,8 @@ def _start(
 
 
 LOOSE = (
-    "statics of turning bodies of linear material have no stiffness by the stress in them, so that what supports and links leave free to turn "
-    "does not settle: hold it, take a larger eta in more steps, or follow it in dynamics"
+    "statics of turning bodies of linear material have no stiffness by the stress in them, so that what supports and links leave free to "
+    "turn does not settle: hold it, take a larger eta in more steps, or follow it in dynamics"
 )
 ROUND = float(np.finfo(np.float64).eps)
 """Tolerances below it are met by nothing."""
