@@ -8,13 +8,12 @@ from __future__ import annotations
 
 import sys
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from importlib.abc import Loader, MetaPathFinder
 from importlib.machinery import ModuleSpec
 from types import ModuleType
-from typing import Any
 
 
 @dataclass(frozen=True)
@@ -63,8 +62,9 @@ def _warn(old: str, moved: Moved) -> None:
 class _Callable(ModuleType):
     """A module that, called, is its function of the same name."""
 
-    def __call__(self, *args: Any, **options: Any) -> Any:
-        return getattr(self, self.__name__.rpartition(".")[2])(*args, **options)
+    def __call__(self, *args: object, **options: object) -> object:
+        function: Callable[..., object] = getattr(self, self.__name__.rpartition(".")[2])
+        return function(*args, **options)
 
 
 class _Elsewhere(MetaPathFinder, Loader):

@@ -102,9 +102,8 @@ def _solved(equation: Equation, solver: StepSolver, past: Past) -> tuple[Answer 
         mixing = mixing.then(term, now)
         term = mixing.next_point(elastic.of_dofs(allowed))
         clock.lap("assembly")
-    apart = TOLERANCE * float(change.max())
-    last = Attempt("turning bodies", "the free motion", "did not settle", apart, MAX_ITERATIONS, equation.share, TOLERANCE)
-    attempts.append(last if equation.scheme.timing.moving else replace(last, why=LOOSE))
+    apart, why = TOLERANCE * float(change.max()), "" if equation.scheme.timing.moving else LOOSE
+    attempts.append(Attempt("turning bodies", FREE, "did not settle", apart, MAX_ITERATIONS, equation.share, TOLERANCE, why=why))
     return None, past
 
 
@@ -144,6 +143,7 @@ def _start(
     return reactions[0].transfer(met.contacts, met.rows) if reactions else np.zeros(rolling.problem.m)
 
 
+FREE = "the free motion"
 LOOSE = (
     "statics of turning bodies of linear material have no stiffness by the stress in them, so that what supports and links leave free to "
     "turn does not settle: hold it, take a larger eta in more steps, or follow it in dynamics"
