@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import sys
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from importlib.abc import Loader, MetaPathFinder
@@ -59,6 +59,14 @@ def _warn(old: str, moved: Moved) -> None:
     warnings.warn(f"{old} is {moved.to} now; the old name ends with fcsim {moved.ends}", FutureWarning, stacklevel=3)
 
 
+class _Callable(ModuleType):
+    """A module that, called, is its function of the same name."""
+
+    def __call__(self, *args: object, **options: object) -> object:
+        function: Callable[..., object] = getattr(self, self.__name__.rpartition(".")[2])
+        return function(*args, **options)
+
+
 class _Elsewhere(MetaPathFinder, Loader):
     """Finds modules of MODULES where they lie now; asked after all others, so that it costs nothing where nothing has moved."""
 
@@ -76,6 +84,9 @@ class _Elsewhere(MetaPathFinder, Loader):
     def create_module(self, spec: ModuleSpec) -> ModuleType:
         """The module that lies elsewhere: one and the same, with its own spec, which the import of the old name would replace."""
         module = import_module(MODULES[spec.name].to)
+        package, _, name = spec.name.rpartition(".")
+        if callable(getattr(import_module(package), name, None)):  # a function of the package, in whose place the import puts the module
+            module.__class__ = _Callable
         self._specs[spec.name] = module.__spec__
         return module
 

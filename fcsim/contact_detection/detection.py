@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
@@ -40,6 +41,21 @@ class Detection(Protocol):
         contacts; what is farther off than the alert distance but is met on that way is found too. None: nothing moves.
         """
         ...
+
+
+@dataclass(frozen=True)
+class Around:
+    """What is put around a detection, whose nodes it has."""
+
+    detection: Detection
+
+    @property
+    def n_nodes(self) -> int:
+        return self.detection.n_nodes
+
+    @property
+    def nodes(self) -> IntArray:
+        return self.detection.nodes
 
 
 def left_out(detection: object) -> IntArray:

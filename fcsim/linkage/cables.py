@@ -13,7 +13,7 @@ from scipy.sparse import csr_array, vstack
 from fcsim.arrays import FloatArray, IntArray
 from fcsim.assembly.model import Model
 from fcsim.contact_detection.contacts import CABLES, Contacts, join
-from fcsim.contact_detection.detection import Detection
+from fcsim.contact_detection.detection import Around, Detection
 from fcsim.contact_detection.frames import frames
 from fcsim.errors import MODEL, InputError, expect
 from fcsim.linkage.linkage import Linkage
@@ -24,19 +24,14 @@ _BODIES = 1 << 31  # more than there are
 
 
 @dataclass(frozen=True)
-class WithCables:
+class WithCables(Around):
     """A detection and the cables of a linkage: 0 <= length - |p_1 - p_2| ⊥ r_N >= 0, without friction.
 
     N points from the first end to the second, so that r_N > 0 draws them together. Laws that ask for the area of contacts do not take
     cables.
     """
 
-    detection: Detection
     linkage: Linkage
-
-    @property
-    def n_nodes(self) -> int:
-        return self.detection.n_nodes
 
     @property
     def nodes(self) -> IntArray:
@@ -104,17 +99,8 @@ def _bodies(link: Jointed) -> tuple[str | None, str | None]:
 
 
 @dataclass(frozen=True)
-class _Without:
-    detection: Detection
+class _Without(Around):
     pairs: frozenset[tuple[int, int]]
-
-    @property
-    def n_nodes(self) -> int:
-        return self.detection.n_nodes
-
-    @property
-    def nodes(self) -> IntArray:
-        return self.detection.nodes
 
     @property
     def left_out(self) -> IntArray:

@@ -12,13 +12,14 @@ from fcsim.contact_detection import Contacts
 from fcsim.masonry.collapse import FINEST, FIRST, Bracket, pressed, tolerance_of
 from fcsim.masonry.limit_analysis.analysis import LimitAnalysis
 from fcsim.masonry.limit_analysis.wedged import only_wedged
-from fcsim.masonry.problem import GRAVITY
+from fcsim.masonry.problem import GRAVITY, MasonryProblem
 
 _BELOW, _ABOVE = 0.99, 1.02
 """Shares of Coulomb's multiplier by limit analysis below which a fall is remarked upon, and of the associative one above which."""
 _NOTHING = 1e-3  # of the multiplier of a fall: an associative one below it is zero
 _THIN = 1e-6  # of a structure's extent: contacts that span less are one point or one line
 _OTHER_GRAVITY = 2.0  # times g, or its part, is another unit of length, or another planet
+_ALONG, _FLAT, _LAYERS = 0.9, 0.5, 3  # of a normal, of height and width, blocks on each other: a wall that lies on its side
 _NAMED = 5  # blocks that are named before "and n more"
 
 
@@ -48,6 +49,11 @@ def _of_the_model(analysis: LimitAnalysis) -> list[str]:
         said.append("no block is a support: all fall")
     elif loose.any():
         said.append(f"no chain of contacts leads to a support from {_named(names, loose)}: joints wider than the tolerance are open")
+    elif lies_down(contacts, held, analysis.problem):
+        said.append(
+            "all blocks lie side by side on the supports, and joints face along y, as of a structure that was drawn with y up and lies "
+            "on its side: z is up here. Turn it by 90 degrees about x where it is written, if it is to stand"
+        )
     wedged = only_wedged(analysis.limit) & ~loose
     if wedged.any():
         said.append(
@@ -68,6 +74,21 @@ def _of_the_model(analysis: LimitAnalysis) -> list[str]:
         where = "a point" if contacts.dimension == 2 else "a line or a point"
         said.append(f"others are touched along {where} alone by {_named(names, thin)}: where that bears a stone the slightest push ends it")
     return said
+
+
+def lies_down(contacts: Contacts, held: np.ndarray, problem: MasonryProblem) -> bool:
+    """Whether a structure looks as if it were drawn with y up: thinner than high and wide, each free block on a support, and joints between
+    free blocks with normals along y, none along z."""
+    if contacts.dimension == 2 or not len(contacts):
+        return False
+    between = ~held[contacts.bodies].any(axis=1)
+    normal = np.abs(contacts.frame[between, 0])
+    free = np.flatnonzero(~held)
+    borne = np.isin(free, contacts.bodies[held[contacts.bodies].any(axis=1)]).all()
+    points = np.concatenate([problem.blocks[k].surface.points for k in free])
+    x, y, z = np.ptp(points, axis=0)
+    layers = len(np.unique(contacts.bodies[between][normal[:, 1] > _ALONG]))
+    return bool(borne and z < _FLAT * min(x, y) and layers >= _LAYERS and not np.any(normal[:, 2] > 1 - _ALONG))
 
 
 def unheld(contacts: Contacts, held: np.ndarray) -> np.ndarray:

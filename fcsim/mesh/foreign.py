@@ -25,6 +25,10 @@ if TYPE_CHECKING:
 SURFACE = "surface:"
 TAGS = ("gmsh:physical", "medit:ref", "cell_tags")
 ANY = "*"
+_MESHIO = (
+    "meshio writes such files of version 4.1 from meshes without gmsh:dim_tags, and keeps groups with file_format='gmsh22' (meshio.write) "
+    "and an entity of its own for each, gmsh:geometrical"
+)
 NO_GROUPS = ("gmsh:geometrical", "gmsh:bounding_entities", "cell_sets", "vtkGhostType", "vtkOriginalCellIds", "GlobalCellIds")
 """Arrays of cells that programs write besides, which name no groups."""
 
@@ -74,6 +78,9 @@ def _read(path: Path, plane: Literal["strain", "stress"], thickness: float, arra
     if path.suffix == ".msh":
         if array not in ("", ANY):
             raise InputError(f"{path}: expected physical groups for the parts of a .msh file, got the name of an array, {array!r}")
+        lost = _without_entities(path)
+        if b"$PhysicalNames" in lost:
+            raise InputError(f"{path}: expected physical groups by the $Entities of the file, got their names alone: {_MESHIO}")
         with msh_alone(path) as alone, gmsh_model(path.stem) as gmsh:
             try:
                 gmsh.merge(str(alone))
@@ -82,11 +89,22 @@ def _read(path: Path, plane: Literal["strain", "stress"], thickness: float, arra
                 raise
             except Exception as error:  # gmsh's only exception class, and names of groups that are no UTF-8
                 said = str(error).replace(str(alone), path.name) or "nothing that it gives a reason for"
-                raise InputError(f"{path}: expected a mesh that gmsh can read, got: {said}") from None
+                raise InputError(f"{path}: expected a mesh that gmsh can read, got: {said}{'; ' + _MESHIO if lost else ''}") from None
     refuse_others(path)
     mesh = quietly(path, "a mesh that meshio can read", lambda: _read_meshio(path))
     blocks = quietly(path, "a mesh with groups that can be read", lambda: _blocks(mesh, _chosen(path, mesh, array)))
     return named_mesh(str(path), mesh.points, blocks, plane=plane, thickness=thickness)
+
+
+def _without_entities(path: Path) -> bytes:
+    """The head of a .msh file of version 4 up to its nodes, where it lists no entities; else nothing."""
+    head = b""
+    with path.open("rb") as file:
+        for line in file:
+            head += line
+            if line.startswith((b"$Nodes", b"$Entities", b"$PartitionedEntities", b"$Elements")):
+                break
+    return head if head.split()[1:2] and head.split()[1].startswith(b"4") and b"Entities" not in head else b""
 
 
 def _read_meshio(path: Path) -> Mesh:

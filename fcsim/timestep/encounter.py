@@ -17,7 +17,7 @@ from fcsim.contact_detection import Detection, Detector, contact_matrix_of_bodie
 from fcsim.contact_detection.contacts import Contacts, join
 from fcsim.contact_detection.skin.boundary import joined_by_facets
 from fcsim.contact_law.coulomb import Gap
-from fcsim.contact_law.driven import Driven, moved_by_supports, refuse_driven, without_force
+from fcsim.contact_law.driven import Driven, held_by_links, moved_by_supports, refuse_driven, without_force
 from fcsim.contact_law.friction import refuse_endless
 from fcsim.contact_law.handed_on import comes_after, handed_on, may_come_after, places
 from fcsim.contact_law.law import NOTHING, Implicit, Law, Meeting, Outcome, Terms, Variables
@@ -26,6 +26,7 @@ from fcsim.contact_law.proportions import Proportions
 from fcsim.contact_law.rolling_rows import ROWS, SPINNING_ROWS, moment_matrix, widened, with_moments
 from fcsim.linear.sparse.by_ranks import times_by_ranks, transposed_times_by_ranks
 from fcsim.linear.sparse.columns import times, transposed_times
+from fcsim.linkage import Linkage
 from fcsim.timestep.scheme import Scheme
 from fcsim.timestep.state import State
 
@@ -41,11 +42,13 @@ class Encounter:
     meeting   what the law was told
     terms     what it gave
     left      the contacts that the law leaves out, None where it takes all
-    driven    those that supports alone move along their normals, which are no part of the problem, see `Driven`; None where there are none
+    driven    those that supports and links alone move along their normals, which are no part of the problem, see `Driven`; None where
+              there are none
     moments   (n_dofs, 2 nc) contact matrix of rolling moments, (n_dofs, 3 nc) with spinning resistance; None without either, see
               `rolling_rows`
     passing   what the law leaves out and the bodies would go through within the step, see `passing`; None where there is nothing
     ending    (n, 2) pairs of bodies that a load step of statics carries over each other, held where they end it, `look_ahead.load_steps`
+    linkage   the links that it knows of, None where there are none
     released  (n, 2) pairs of bodies of which contacts of the beginning were taken out, since they bore what had gone apart
     """
 
@@ -57,6 +60,7 @@ class Encounter:
     moments: sp.csc_array | None = None
     left: Contacts | None = None
     driven: Driven | None = None
+    linkage: Linkage | None = None
     ending: IntArray = field(default_factory=lambda: np.empty((0, 2), dtype=np.int64))
     released: IntArray = field(default_factory=lambda: np.empty((0, 2), dtype=np.int64))
 
@@ -161,10 +165,10 @@ class Encounter:
         w = np.column_stack([np.maximum(w[:, 0], 0.0), w[:, 1:]])
         return replace(self, terms=replace(self.terms, w=w))
 
-    def refuse_driven(self, model: Model, v: FloatArray, when: str) -> None:
-        """InputError where supports drive parts into each other, by the step's answer v (n_dofs,)."""
+    def refuse_driven(self, model: Model, v: FloatArray, when: str, found: Callable[[], Contacts]) -> None:
+        """InputError where supports or links drive parts into each other, by the step's answer v (n_dofs,); found: contacts after it."""
         if self.driven is not None:
-            refuse_driven(self.driven, model, self.meeting.timing.length_per_u * v, when)
+            refuse_driven(self.driven, model, self.meeting.timing.length_per_u * v, when, found)
 
     def keeps_apart(self, law: Law) -> bool:
         """Whether the law keeps bodies apart by their gaps: no joints, which yield or hold, nor a law on velocities."""
@@ -210,28 +214,27 @@ class Anew:
 
 @dataclass(frozen=True, eq=False)
 class Told:
-    """What a law is told beside the contacts of a step and where they are: the fields of `Meeting` of the same names."""
+    """What a law is told beside the contacts of a step and where they are: the fields of `Meeting` of the same names, and its links."""
 
     proportions: Proportions
     variables: Variables | None
     bend: FloatArray | None = None
     trial: Variables | None = None
+    linkage: Linkage | None = None
 
 
-def encounter(
-    model: Model, detection: Detection, scheme: Scheme, state: State, proportions: Proportions, variables: Variables | None
-) -> Encounter:
+def encounter(model: Model, detection: Detection, scheme: Scheme, state: State, told: Told) -> Encounter:
     """Detect the contacts of a step and ask their law."""
     configuration = scheme.detection_configuration(model, state)
     positions, way = model.positions(configuration), scheme.way(model, state)
     moved = None if way is None else model.positions(model.advance(configuration, way)) - positions
     contacts = detection(positions, moved)
-    if moved is not None and (near := may_come_after(variables, contacts, positions, proportions)).any():
+    if moved is not None and (near := may_come_after(told.variables, contacts, positions, told.proportions)).any():
         here, later = detection(positions), positions + moved
         there = detection(later)
-        taking = there.identity[comes_after(here, positions, there, later, proportions)]
+        taking = there.identity[comes_after(here, positions, there, later, told.proportions)]
         contacts = contacts.take(~(near & np.isin(contacts.identity, taking) & ~np.isin(contacts.identity, here.identity)))
-    return _under_law(model, scheme, state, contacts, positions, Told(proportions, variables), configuration)
+    return _under_law(model, scheme, state, contacts, positions, told, configuration)
 
 
 def met_on_the_way(
@@ -285,15 +288,19 @@ def _under_law(
     terms, driven = law.terms(meeting), None
     refuse_endless(terms.mu)
     apart = moved_by_supports(model, H, contacts.dimension, proportions)
+    linked = np.zeros_like(apart)
+    if told.linkage is not None:
+        linked = ~apart & held_by_links(model, told.linkage, configuration, H, contacts, proportions)
+    apart = apart | linked
     if apart.any() and without_force(terms):
-        driven, H, meeting = _separated(H, meeting, apart)
+        driven, H, meeting = _separated(H, meeting, apart, linked)
         contacts, terms = meeting.contacts, law.terms(meeting)
     if terms.frame is not None and not np.array_equal(terms.frame, contacts.frame):
         H, meeting = _turned(H, meeting, terms.frame)
         contacts = meeting.contacts
     if terms.mu is not contacts.mu:
         contacts = replace(contacts, mu=terms.mu)
-    return Encounter(contacts, H, meeting, terms, through, moment_matrix(model, contacts, terms), left, driven)
+    return Encounter(contacts, H, meeting, terms, through, moment_matrix(model, contacts, terms), left, driven, told.linkage)
 
 
 def asked_again(
@@ -301,16 +308,20 @@ def asked_again(
 ) -> Encounter:
     """Ask the law about other contacts of the same step, at the positions and with the memory of `met`; bend (nc,) [m]: see `Meeting`."""
     before = met.meeting
-    told = Told(before.proportions, before.variables, bend, before.trial)
+    told = Told(before.proportions, before.variables, bend, before.trial, met.linkage)
     return _under_law(model, scheme, state, contacts, before.positions, told, scheme.detection_configuration(model, state))
 
 
-def _separated(H: sp.sparray, meeting: Meeting, apart: BoolArray) -> tuple[Driven, sp.csc_array, Meeting]:
-    """The contacts `apart` (nc,), and H and the meeting of the others."""
+def _separated(H: sp.sparray, meeting: Meeting, apart: BoolArray, linked: BoolArray) -> tuple[Driven, sp.csc_array, Meeting]:
+    """The contacts `apart` (nc,), of which links hold the `linked` (nc,), and H and the meeting of the others."""
     d, contacts = meeting.contacts.dimension, meeting.contacts.take(apart)
     columns = sp.csc_array(H)
     normals = columns[:, d * np.flatnonzero(apart)]
-    return Driven(contacts, normals, meeting.proportions.size_at(contacts)), columns[:, np.repeat(~apart, d)], meeting.taken(~apart)
+    return (
+        Driven(contacts, normals, meeting.proportions.size_at(contacts), linked[apart]),
+        columns[:, np.repeat(~apart, d)],
+        meeting.taken(~apart),
+    )
 
 
 def passing(left: Contacts, moved: FloatArray, proportions: Proportions) -> Contacts | None:

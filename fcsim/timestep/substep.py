@@ -146,7 +146,8 @@ class Substep:
         if (opened := self._opened(start, kept)) is None or (solved := self._solved(opened, kept)) is None:
             return None
         run, answer, state = self.run, solved.answer, opened.start.state
-        answer.met.refuse_driven(run.model, answer.v, self._when(opened.start, solved.after.t))
+        when, positions = self._when(opened.start, solved.after.t), partial(run.model.positions, solved.after.x)
+        answer.met.refuse_driven(run.model, answer.v, when, lambda: run.detection(positions()))
         began = opened.equation.met
         end = at_end(run.model, run.detection, self.scheme, began, answer.met, solved.after, state, solved.settled)
         if end.too_long(self.cuts, run.cuttings, self.attempts, run.solver.tol):
@@ -196,7 +197,7 @@ class Substep:
     def _met(self, start: Moment) -> Encounter | None:
         """The contacts of the step; None where bodies would pass each other in it."""
         run = self.run
-        met = encounter(run.model, run.detection, self.scheme, start.state, run.proportions, start.variables)
+        met = encounter(run.model, run.detection, self.scheme, start.state, Told(run.proportions, start.variables, linkage=run.linkage))
         self.clock.lap("detection")
         if met.passing is not None and self.cuts == run.cuttings:
             refuse_going_through(run.model, self.scheme, met.passing, self._when(start, start.state.t))
@@ -237,7 +238,7 @@ class Substep:
         if equation.scheme.timing.moving:
             return None
         model, scheme, state = self.run.model, equation.scheme, start.state
-        told = Told(self.run.proportions, start.variables, trial=equation.met.meeting.trial)
+        told = Told(self.run.proportions, start.variables, trial=equation.met.meeting.trial, linkage=self.run.linkage)
         return Anew(lambda by, v, more: met_on_the_way(model, by, scheme, state, v, more, told), self.run.detection, model)
 
     def _ended(self, opened: _Opened, solved: _Solved, anchor: Moment, end: AtEnd) -> Step:

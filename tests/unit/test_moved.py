@@ -48,3 +48,11 @@ def test_old_names_end() -> None:
 
 def test_shells_see_the_names_that_are_loaded_when_first_used() -> None:
     assert {*fcsim.__all__, "__version__"} <= set(dir(fcsim))
+
+
+def test_a_module_in_whose_place_there_is_a_function_now_is_called_as_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The import of an old name puts the module into its package, over the function of that name."""
+    monkeypatch.delitem(sys.modules, "fcsim.mesh.rigid_polygon", raising=False)
+    with pytest.warns(FutureWarning, match="rigid_polygon now"):
+        importlib.import_module("fcsim.mesh.rigid_polygon")
+    assert fcsim.mesh.rigid_polygon("half", [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0)], density=2.0).mass == pytest.approx(1.0)

@@ -12,9 +12,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fcsim.arrays import BoolArray, FloatArray, IntArray
+from fcsim.arrays import BoolArray, FloatArray
 from fcsim.contact_detection import Detection, Everything, innermost
 from fcsim.contact_detection.contacts import Contacts, join
+from fcsim.contact_detection.detection import Around
 from fcsim.contact_detection.frames import frames
 from fcsim.contact_law.areas.points_within import points_within
 from fcsim.contact_law.cohesive import Cohesive
@@ -25,22 +26,13 @@ from fcsim.contact_law.table import LawTable
 
 
 @dataclass(frozen=True, eq=False)
-class WithinFaces:
+class WithinFaces(Around):
     """A detection and, where its law has springs per area, the points within flat faces of rigid bodies that they need, kept up to the gap
     alert (nbodies,) [m], and beside contacts that are as open."""
 
-    detection: Detection
     law: Law
     proportions: Proportions
     alert: FloatArray
-
-    @property
-    def n_nodes(self) -> int:
-        return self.detection.n_nodes
-
-    @property
-    def nodes(self) -> IntArray:
-        return self.detection.nodes
 
     def __call__(self, positions: FloatArray, displacement: FloatArray | None = None) -> Contacts:
         """Contacts at `positions` (n_nodes, d) [m], see `Detection`."""

@@ -1,8 +1,10 @@
-"""Closed surfaces from files: STL, OBJ (one object a solid), PLY, OFF, 3MF, GLB; read by trimesh in a process of its own (`apart`)."""
+"""Closed surfaces from files: STL, OBJ (an object or closed group a solid), PLY, OFF, 3MF, GLB; by trimesh in a process of its own."""
 
 from __future__ import annotations
 
 import json
+from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
 from io import StringIO
 from pathlib import Path
@@ -188,7 +190,7 @@ def _read(path: Path) -> list[tuple[str, FloatArray, IntArray]]:
     obj = path.suffix.lower() == ".obj"
     options = {"file_type": "obj", "split_objects": True, "group_material": False} if obj else {}
     try:
-        source = StringIO(_counted_from_the_first(path.read_text(encoding="utf-8", errors="replace"))) if obj else str(path)
+        source = StringIO(_objects(_counted_from_the_first(path.read_text(encoding="utf-8", errors="replace")))) if obj else str(path)
         scene = trimesh.load_scene(source, process=False, resolver=_NothingBeside(path.name), **options)
         meshes = [(name, mesh) for name, mesh in _named(scene) if isinstance(mesh, trimesh.Trimesh)]
         found = [(name, np.asarray(mesh.vertices, dtype=np.float64), np.asarray(mesh.faces, dtype=np.int64)) for name, mesh in meshes]
@@ -215,6 +217,36 @@ def _counted_from_the_first(text: str) -> str:
             numbers = [int(corner.split("/")[0]) for corner in rest]
             lines[k] = " ".join(["f", *(str(number + corners + 1 if number < 0 else number) for number in numbers)])
     return "\n".join(lines) + "\n"
+
+
+def _objects(text: str) -> str:
+    """An OBJ file without objects (o) whose groups (g) are closed, each by itself, with objects in their place; any other one as it is:
+    groups may also be sides of one solid."""
+    groups: dict[str, list[str]] = {}
+    name, rest = "", list[str]()
+    for line in text.splitlines():
+        word, _, named = line.strip().partition(" ")
+        if word == "o":
+            return text
+        if word == "g":
+            name = named.strip()
+        elif word == "f":
+            groups.setdefault(name, []).append(line)
+        else:
+            rest.append(line)
+    places = [tuple(line.split()[1:4]) for line in rest if line.split()[:1] == ["v"]]
+    if not all(name and _closed(faces, places) for name, faces in groups.items()):
+        return text
+    return "\n".join(rest + [line for name, faces in groups.items() for line in (f"o {name}", *faces)]) + "\n"
+
+
+def _closed(faces: Sequence[str], places: Sequence[tuple[str, ...]]) -> bool:
+    """Whether each edge of the faces, f lines of an OBJ file with corners at these places, is one of another face of them."""
+    uses: Counter[frozenset[tuple[str, ...]]] = Counter()
+    for face in faces:
+        corners = [places[int(corner.split("/")[0]) - 1] for corner in face.split()[1:]]
+        uses.update(frozenset(edge) for edge in zip(corners, corners[1:] + corners[:1], strict=True) if edge[0] != edge[1])
+    return all(count % 2 == 0 for count in uses.values())
 
 
 def _named(scene: Scene) -> list[tuple[str, Geometry]]:

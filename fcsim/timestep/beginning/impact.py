@@ -31,7 +31,7 @@ from fcsim.contact_law.proportions import Proportions
 from fcsim.linkage import Linkage
 from fcsim.timestep.beginning.agreement import forbids, held_at_once, without_contacts
 from fcsim.timestep.chain import NOBODY
-from fcsim.timestep.encounter import Encounter, encounter
+from fcsim.timestep.encounter import Encounter, Told, encounter
 from fcsim.timestep.energy import Acting, Energy, contact_work, momentum
 from fcsim.timestep.links.linked import Linked
 from fcsim.timestep.scheme import Scheme
@@ -103,7 +103,7 @@ def struck(
     forbidden = rows is not None and not start.seen and forbids(rows, model, state)
     if ahead <= 0 and not forbidden:
         return None
-    met = encounter(model, detection, impact, state, proportions, start.variables)
+    met = encounter(model, detection, impact, state, Told(proportions, start.variables, linkage=linkage))
     bent = None
     if ahead <= 0 or not len(met.contacts) or not met.keeps_apart(scheme.law):
         if not forbidden:

@@ -55,7 +55,8 @@ def mechanisms(model: Model, linkage: Linkage | None, scheme: Scheme, state: Sta
             f"statics: links and supports leave body {names[0]!r} free beside {repr(names[1]) if len(names) > 1 else 'the ground'}, to "
             f"{_named(axes[0], centre, size, d)}{f' (one of {several} such motions)' if several > 1 else ''}: a mechanism without "
             "stiffness, which contact or the mass of eta alone holds. What helps: another link or support, dynamics, which follow the "
-            "motion, or rigid bodies, which hang where their links pull them"
+            "motion, rigid bodies, which hang where their links pull them, or, of bodies that hang there already, a law of finite strain "
+            "such as saint_venant_kirchhoff, in which their stress holds them"
         )
         return
 

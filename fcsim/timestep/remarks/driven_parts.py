@@ -1,4 +1,4 @@
-"""What is said of contacts between parts that supports hold or drive: what these press on each other is not determined."""
+"""What is said of contacts between parts that supports or links hold or drive: what these press on each other is not determined."""
 
 from __future__ import annotations
 
@@ -19,6 +19,6 @@ def driven_parts(step: Step, when: str, said: frozenset[str]) -> dict[str, str]:
     one, other = (step.model.bodies[int(k)].name for k in pairs[0])
     more = f" (and {len(pairs) - 1} more pairs)" if len(pairs) > 1 else ""
     return {
-        "driven parts": f"{when}: {one!r} and {other!r}{more} touch at {len(touching)} points where supports hold or drive both along the "
-        "contact's normal: what they press on each other there goes from support to support, is not determined and counts as none"
+        "driven parts": f"{when}: {one!r} and {other!r}{more} touch at {len(touching)} points where {met.driven.by} hold both along the "
+        "contact's normal: what they press on each other there is not determined and counts as none, without friction"
     }

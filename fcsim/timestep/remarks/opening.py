@@ -12,13 +12,14 @@ from fcsim.assembly.model import Model
 from fcsim.contact_detection import Detection, Detector
 from fcsim.contact_detection.never_touching import never_touching
 from fcsim.linkage import Linkage
-from fcsim.mesh.part import Body
+from fcsim.mesh.part import Body, RigidBody
 from fcsim.timestep.chain import SolverSettings
 from fcsim.timestep.links.mechanisms import mechanisms
 from fcsim.timestep.links.undetermined import undetermined_forces
 from fcsim.timestep.remarks.falling import falling
 from fcsim.timestep.remarks.locked_joints import locked_joints
 from fcsim.timestep.remarks.of_laws.begun_anew import begun_anew
+from fcsim.timestep.remarks.of_laws.coarse_glue import coarse_glue
 from fcsim.timestep.remarks.over_time.lost_pulses import lost_pulses
 from fcsim.timestep.remarks.over_time.undersampled import undersampled
 from fcsim.timestep.remarks.pieces import hanging_nodes, torn_meshes
@@ -72,7 +73,7 @@ def opening_remarks(
     found += [restitution_of_points(model, scheme), growing(model, scheme, linked)]
     found.append(soft_or_stiff(model, gravity, EARTH[0] <= float(np.linalg.norm(gravity)) <= EARTH[1]))
     found += [torn_meshes(model), hanging_nodes(model), inertia_of_no_body(model), long_arms(model, scheme)]
-    found += [unused_velocities(model, scheme, state), begun_anew(scheme, state)]
+    found += [unused_velocities(model, scheme, state), begun_anew(scheme, state), coarse_glue(model, scheme, detector, positions)]
     if linkage is not None:
         found += [locked_joints(model, linkage, detector, positions), mechanisms(model, linkage, scheme, state)]
         found.append(undetermined_forces(model, linkage, state))
@@ -99,9 +100,13 @@ def _points(model: Model, positions: FloatArray) -> list[FloatArray]:
 
 
 def _densities(model: Model) -> FloatArray:
-    """[kg/m^3] Of the bodies, those known; of rigid ones at most, that of a body which fills its box."""
-    found = []
-    for body in model.bodies:
+    """[kg/m^3] Of the bodies, those known; of rigid ones at most, that of a body which fills its box, not of those that supports keep where
+    they are, whose mass may be any."""
+    found, driven = [], np.zeros(model.n_dofs, dtype=bool)
+    driven[model.driven_dofs] = True
+    for body, first in zip(model.bodies, model.dof_offset.tolist(), strict=False):
+        if isinstance(body, RigidBody) and driven[first : first + model.dimension].all():
+            continue
         if isinstance(body, Body):
             density = getattr(body.part.material, "density", None)
         else:

@@ -12,7 +12,7 @@ import numpy as np
 from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.errors import InputError
 from fcsim.problem import GlobalProblem
-from fcsim.timestep.encounter import Encounter, encounter
+from fcsim.timestep.encounter import Encounter, Told, encounter
 from fcsim.timestep.simulation import Simulation
 from fcsim.timestep.state import State, at_rest
 from fcsim.timestep.step import Step
@@ -75,7 +75,7 @@ class Side:
     def _met(self) -> Encounter:
         """The contacts of the step, which its unknowns do not change."""
         s = self.simulation
-        return encounter(s.model, s.substeps.detection, s.scheme, self.start, s.substeps.proportions, None)
+        return encounter(s.model, s.substeps.detection, s.scheme, self.start, Told(s.substeps.proportions, None))
 
     @cached_property
     def _equation(self) -> Equation:

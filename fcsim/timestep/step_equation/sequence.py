@@ -102,15 +102,16 @@ def _solved(equation: Equation, solver: StepSolver, past: Past) -> tuple[Answer 
         mixing = mixing.then(term, now)
         term = mixing.next_point(elastic.of_dofs(allowed))
         clock.lap("assembly")
-    apart = TOLERANCE * float(change.max())
-    attempts.append(Attempt("turning bodies", "the free motion", "did not settle", apart, MAX_ITERATIONS, equation.share, TOLERANCE))
+    apart, why = TOLERANCE * float(change.max()), "" if equation.scheme.timing.moving else LOOSE
+    attempts.append(Attempt("turning bodies", FREE, "did not settle", apart, MAX_ITERATIONS, equation.share, TOLERANCE, why=why))
     return None, past
 
 
 def _explain(attempts: list[Attempt], equation: Equation, problem: GlobalProblem | GlobalRollingProblem, reduction: Reduction) -> None:
     """Say of the last attempt why the step's problem has no answer, where that is known."""
     if isinstance(problem, GlobalProblem):
-        attempts[-1] = replace(attempts[-1], why=unanswered(reduction.local, equation.met.contacts, equation.model))
+        driven = bool(np.any(equation.driven))
+        attempts[-1] = replace(attempts[-1], why=unanswered(reduction.local, equation.met.contacts, equation.model, driven))
 
 
 def _newton_begins(name: str, serving: Memory | None) -> bool:
@@ -142,6 +143,11 @@ def _start(
     return reactions[0].transfer(met.contacts, met.rows) if reactions else np.zeros(rolling.problem.m)
 
 
+FREE = "the free motion"
+LOOSE = (
+    "statics of turning bodies of linear material have no stiffness by the stress in them, so that what supports and links leave free to "
+    "turn does not settle: hold it, take a larger eta in more steps, or follow it in dynamics"
+)
 ROUND = float(np.finfo(np.float64).eps)
 """Tolerances below it are met by nothing."""
 ROUGHEST_ASKED = 1e-6

@@ -9,6 +9,7 @@ import pytest
 
 from fcsim.errors import InputError
 from fcsim.masonry import Acceleration, analyse, bracket, masonry_of_surfaces, pushed, read_model
+from fcsim.masonry.remarks import remarks
 
 trimesh = pytest.importorskip("trimesh")
 pytestmark = pytest.mark.usefixtures("read_here")
@@ -66,3 +67,18 @@ def test_corners_of_an_obj_that_are_counted_from_the_last(tmp_path: Path) -> Non
     problem = masonry_of_surfaces(tmp_path / "column.obj", mu=0.7)
     assert [block.surface.points[:, 2].min() for block in problem.blocks] == pytest.approx([0.0, 0.5, -0.1])
     assert analyse(pushed(problem, (1.0, 0.0, 0.0))).coulomb.multiplier == pytest.approx(0.4, rel=1e-4)
+
+
+@pytest.mark.parametrize(("axes", "lies"), [((0, 1, 2), False), ((0, 2, 1), True)], ids=["z up", "y up"])
+def test_a_wall_that_was_drawn_with_y_up_is_asked_after(axes: tuple[int, ...], lies: bool, tmp_path: Path) -> None:
+    """Three courses of two blocks; in a row on the floor, as columns that stand beside each other are, they are no such wall."""
+    size, places = (0.6, 0.2, 0.3), [(0.6 * i, 0.1, 0.3 * k + 0.15) for k in range(3) for i in range(2)]
+
+    def said(places: list[tuple[float, ...]], axes: tuple[int, ...]) -> list[str]:
+        solids = [trimesh.creation.box([size[a] for a in axes]).apply_translation([place[a] for a in axes]) for place in places]
+        trimesh.util.concatenate(solids).export(tmp_path / "wall.stl")
+        found = remarks(analyse(pushed(masonry_of_surfaces(tmp_path / "wall.stl"), (1.0, 0.0, 0.0))), None)
+        return [remark for remark in found if "drawn with y up" in remark]
+
+    assert bool(said(places, axes)) is lies
+    assert not said([(0.0, 0.2 * k, 0.15) for k in range(3)], (0, 1, 2))

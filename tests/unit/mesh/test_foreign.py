@@ -4,6 +4,7 @@ import sys
 import tempfile
 from pathlib import Path
 
+import meshio
 import numpy as np
 import pytest
 
@@ -106,3 +107,23 @@ def test_group_names_that_are_no_text(tmp_path: Path) -> None:
     (tmp_path / "b.msh").write_bytes(damaged)
     with pytest.raises(InputError, match=r"b\.msh: expected a mesh that gmsh can read"):
         read_mesh(tmp_path / "b.msh", STONE)
+
+
+@pytest.mark.parametrize("binary", [False, True])
+@pytest.mark.parametrize("entities", [False, True])
+def test_what_meshio_leaves_out_of_its_files_of_gmsh_is_said(entities: bool, binary: bool, tmp_path: Path) -> None:
+    """Two cubes in two physical groups: MSH 4.1 of meshio has the groups' names and no word of whose they are; gmsh read one part without
+    a name, or refused an "unknown entity". As MSH 2.2 they come."""
+    layer = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]
+    points = [(x, y, z) for z in (0.0, 1.0, 2.0) for x, y in layer]
+    data = {"gmsh:physical": [np.array([1, 2])]} | ({"gmsh:geometrical": [np.array([1, 2])]} if entities else {})
+    names = {"low": np.array([1, 3]), "high": np.array([2, 3])}
+    cells = np.arange(8) + np.array([[0], [4]])
+    mesh = meshio.Mesh(points, [("hexahedron", cells)], cell_data=data, field_data=names)
+    meshio.write(tmp_path / "new.msh", mesh, file_format="gmsh", binary=binary)
+    with pytest.raises(InputError, match=r"expected physical groups by the .Entities of the file, got their names alone: .*gmsh22"):
+        read_foreign(tmp_path / "new.msh", "strain", 1.0)
+    meshio.write(tmp_path / "old.msh", mesh, file_format="gmsh22", binary=binary)
+    if entities:  # else meshio puts both into one entity, and gmsh each group on all of it
+        found = read_foreign(tmp_path / "old.msh", "strain", 1.0).volumes
+        assert {name: len(cells) for name, cells in found.items()} == {"low": 1, "high": 1}

@@ -10,6 +10,7 @@ import fcsim
 from fcsim.errors import InputError
 from fcsim.linkage import Ball, Control, Linkage, without_contact_of
 from fcsim.mesh import Body, Material, brick, rectangle
+from fcsim.mesh.material import AnyMaterial, saint_venant_kirchhoff
 from fcsim.timestep.chain import NotConverged
 from fcsim.timestep.limits import KinematicsLeft
 
@@ -81,3 +82,26 @@ def test_dynamics_follow_it() -> None:
     assert not said(pinned(LINE, scheme=fcsim.Theta(1e-2)))
     with pytest.raises(InputError):
         pinned([(3.0, 0.0, 0.0)])
+
+
+def cube(material: AnyMaterial, held: str, kinematics: str = "turning") -> fcsim.Simulation:
+    """A cube of 1 m and 2 t that hangs on two balls above its centre, or on an edge whose nodes supports hold."""
+    body = Body("cube", brick("cube", (1.0, 1.0, 1.0), (2, 2, 2), material), kinematics=kinematics)  # type: ignore[arg-type]
+    supports = [fcsim.Support("cube", ("x", "y", "z"), at=(x, 0.0, 1.0)) for x in (0.0, 1.0)] if held == "edge" else []
+    model = fcsim.build_model([body], supports=supports, gravity=(0.0, 0.0, -9.81))
+    balls = [Ball(f"ball {x:.0f}", None, "cube", (x, 0.5, 1.0)) for x in (0.0, 1.0)]
+    linkage = Linkage(model, balls) if held == "balls" else None
+    return fcsim.Simulation(model, fcsim.Everything(model, mu=0.3), fcsim.QuasiStatic(1.0, 1e-6), 1, linkage=linkage, witness=None)
+
+
+@pytest.mark.parametrize("held", ["balls", "edge"])
+def test_turning_bodies_that_nothing_keeps_from_turning_say_why_statics_end(held: str) -> None:
+    with pytest.raises(NotConverged, match="statics of turning bodies of linear material have no stiffness by the stress in them"):
+        list(cube(Material(1e7, 0.2, 2000.0), held))
+
+
+def test_a_body_of_finite_strain_that_hangs_already_has_the_stiffness_of_its_stress() -> None:
+    """What the error advises: half of the weight, 2000 kg x 9.81 m/s^2, on each ball."""
+    (step,) = cube(saint_venant_kirchhoff(1e7, 0.2, 2000.0), "balls")
+    for name in ("ball 0", "ball 1"):
+        assert step.link_force(name)[2] == pytest.approx(-9810.0, rel=1e-6)  # on the ground

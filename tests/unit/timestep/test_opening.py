@@ -96,6 +96,15 @@ def test_what_is_wrong_is_said_with_its_mend(wrong: dict[str, Any], said: str) -
     assert any(re.search(said, remark) for remark in found), found
 
 
+def test_the_mass_of_a_held_floor_is_no_density() -> None:
+    """A cube of 10 um on a floor that was given the mass 1 kg, which would be one of 3e16 kg/m^3."""
+    part = brick("cube", (1e-5,) * 3, (1, 1, 1), Material(1e9, 0.2, 2000.0))
+    floor = rigid_box("floor", (4e-5, 4e-5, 2e-8), (0.0, 0.0, -1e-8), 1.0)
+    model = build_model([Body("cube", part), floor], supports=[Support("floor", ALL)], gravity=(0.0, 0.0, -9.81))
+    simulation = Simulation(model, Everything(model, 0.5), Theta(1e-6), 1)
+    assert not any("densities" in remark for remark in simulation._opening(at_rest(model, h=1e-6)))
+
+
 @pytest.mark.parametrize("unit", [1e-3, 1.0, 1e3])
 def test_in_the_plane(unit: float) -> None:
     bodies = [

@@ -45,6 +45,23 @@ def test_solids_of_every_format(name: str, suffix: str, tmp_path: Path) -> None:
     assert surface.moments()[0] == pytest.approx(volume, rel=1e-5)  # STL and GLB hold single precision
 
 
+def test_closed_groups_are_solids_of_their_names_too_but_sides_are_none(tmp_path: Path) -> None:
+    """As of programs that write `g` alone, here with corners counted from the last and the faces of two groups in turns; where groups are
+    the faces of one solid it stays one."""
+    corners = [(x + shift, y, z) for shift in (0.0, 5.0) for x, y, z in TETRAHEDRON]
+    text = "".join(f"v {x} {y} {z}\n" for x, y, z in corners)
+    for face in FACES:
+        text += "".join(f"g {name}\nf " + " ".join(str(k - back) for k in face) + "\n" for name, back in (("pier", 8), ("left lintel", 4)))
+    (tmp_path / "two.obj").write_text(text)
+    pier, lintel = sorted(read_surfaces(tmp_path / "two.obj"), key=lambda surface: float(surface.points[:, 0].max()))
+    assert (pier.name, lintel.name) == ("pier", "left lintel")
+    assert lintel.moments()[0] == pytest.approx(pier.moments()[0])
+    sides = "".join(f"v {x} {y} {z}\n" for x, y, z in TETRAHEDRON)
+    sides += "".join(f"g side {k}\nf " + " ".join(str(k + 1) for k in face) + "\n" for k, face in enumerate(FACES))
+    (tmp_path / "one.obj").write_text(sides)
+    assert len(read_surfaces(tmp_path / "one.obj")) == 1
+
+
 def test_objects_are_solids_of_their_names_and_pieces_are_numbered(tmp_path: Path) -> None:
     text, base = "", 0
     for name, shift in (("pier", 0.0), ("lintel", 5.0)):
