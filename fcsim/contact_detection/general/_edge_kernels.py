@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from fcsim.arrays import FloatArray, IntArray
+from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.contact_detection._vector_kernels import Vector, at, cross, dot, length, minus, plus, times, unit
 from fcsim.contact_detection.general._foot_kernels import normal_on_side
 from fcsim.contact_detection.general._pierce_kernels import pierced
@@ -75,6 +75,16 @@ def _pierces(
 
 
 @njit(cache=True)
+def _place(s: float, length: float, goes_on: BoolArray, near: float) -> float:
+    """The place s [m] on an edge as a share of its length; the end itself where that goes on and is nearer than `near`."""
+    if goes_on[0] and s < near:
+        return 0.0
+    if goes_on[1] and s > length - near:
+        return 1.0
+    return s / length
+
+
+@njit(cache=True)
 def crossings(
     first: IntArray,
     second: IntArray,
@@ -88,12 +98,13 @@ def crossings(
     edge_facets: IntArray,
     facets: IntArray,
     sides: IntArray,
+    goes_on: BoolArray,
 ) -> tuple[IntArray, FloatArray, FloatArray, FloatArray, IntArray]:
     """Rows of edges that touch, their normals from the second to the first (nc, 3), gaps (nc,) [m], places s, t (nc, 2) on both, and of
     those that overlap through how many of the two faces of one edge the other goes (nc,).
 
     Long because it is one decision. alert, depth, near (rows,) [m]. A crossing lies inside both edges by more than `near`: vertices hold
-    the ends.
+    the ends, but those at which a face or a rim goes on (ne, 2).
     """
     n = len(first)
     rows, normal = np.empty(n, dtype=np.int64), np.empty((n, 3))
@@ -141,7 +152,9 @@ def crossings(
                 continue
             s, t = dot(cross(r, db), across) / sine**2, dot(cross(r, da), across) / sine**2
         tol = near[row]
-        if not (tol < s < la - tol and tol < t < lb - tol):
+        on_a = (-tol if goes_on[a, 0] else tol) < s < (la + tol if goes_on[a, 1] else la - tol)
+        on_b = (-tol if goes_on[b, 0] else tol) < t < (lb + tol if goes_on[b, 1] else lb - tol)
+        if not (on_a and on_b):
             continue
         g = dot(minus(minus(times(s, da), times(t, db)), r), N)
         if -depth[row] <= g <= alert[row]:
@@ -153,6 +166,6 @@ def crossings(
                 through[count] = 2
             rows[count], gap[count] = row, g
             normal[count, 0], normal[count, 1], normal[count, 2] = N
-            place[count, 0], place[count, 1] = s / la, t / lb
+            place[count, 0], place[count, 1] = _place(s, la, goes_on[a], tol), _place(t, lb, goes_on[b], tol)
             count += 1
     return rows[:count].copy(), normal[:count].copy(), gap[:count].copy(), place[:count].copy(), through[:count].copy()

@@ -4,6 +4,7 @@ Where a face of one body lies flat on a face of the other, the patch they share 
 vertices of either face (see `vertices`) and crossings of their edges; these carry the patch's moments, and their normal is the face's.
 Of faces that are tilted, by up to a degree, edges that cross at more than 30 degrees have their own: on a body that tips over an edge the
 other face's would take energy from what slides.
+Faces of deformable bodies bend over what is sharp, and bear along it: their inner edges count as well, see `face_edges`.
 Elsewhere two edges touch where their directions a x b lie in the arcs between their faces' normals (the Gauss map: the pair is then a
 face of the Minkowski difference); the gap is the distance along a x b.
 """
@@ -17,6 +18,7 @@ import numpy as np
 from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.contact_detection.general._edge_kernels import crossings
 from fcsim.contact_detection.general._pierce_kernels import inside
+from fcsim.contact_detection.general.face_edges import FaceEdges, near_edges_across_faces
 from fcsim.contact_detection.general.folding import open_edges
 from fcsim.contact_detection.general.near import NearBodies, near_edges
 from fcsim.contact_detection.general.vertices import VertexContacts
@@ -25,6 +27,7 @@ from fcsim.contact_detection.skin.skin import Shape, Skin
 _DEEPER = 2.0  # times the way out by a vertex: an edge that lies deeper leaves that way
 _OFF = 0.1  # of `near`: what is less inside is on the surface
 _ANOTHER_WAY = 0.9  # cosine between directions that are different
+_SLOPE = 0.94  # cosine: what lies on a sharp edge and leans to its sides by more than 20 degrees does not lie on them
 
 
 class EdgeContacts(NamedTuple):
@@ -39,8 +42,8 @@ class EdgeContacts(NamedTuple):
         return EdgeContacts._make(array[rows] for array in self)
 
 
-def edge_contacts(skin: Skin, shape: Shape, near: NearBodies, vertices: VertexContacts, reference: Shape) -> EdgeContacts:
-    """Contacts of sharp edges, sorted by their numbers.
+def edge_contacts(skin: Skin, shape: Shape, near: NearBodies, vertices: VertexContacts, reference: Shape, faces: FaceEdges) -> EdgeContacts:
+    """Contacts of sharp edges with each other and with those of `faces`, sorted by their numbers.
 
     Edges that overlap do so truly if one goes through both faces of the other, or if what lies between them is inside both bodies. Where
     an end is inside the other body, a much shorter way out by that end in another direction shows that the edges only cross in passing:
@@ -50,10 +53,24 @@ def edge_contacts(skin: Skin, shape: Shape, near: NearBodies, vertices: VertexCo
     if skin.dimension == 2:  # the edges of a polygon are its vertices
         near = near.take(np.zeros(len(near.bodies), dtype=bool))
     rows = near_edges(skin, shape, near)
+    if len(faces.within):
+        rows = np.concatenate([rows, near_edges_across_faces(skin, shape, near, faces)])
     first, second, pair = np.ascontiguousarray(rows.T)
     limits = (near.alert[pair], near.depth[pair], near.near[pair])
     row, normal, gap, place, pierced = crossings(
-        *(first, second, *limits, shape.point, shape.normal, shape.size, skin.edges, skin.edge_facets, skin.facets, skin.sides)
+        *(
+            first,
+            second,
+            *limits,
+            shape.point,
+            shape.normal,
+            shape.size,
+            skin.edges,
+            skin.edge_facets,
+            skin.facets,
+            skin.sides,
+            faces.goes_on,
+        )
     )
     found = EdgeContacts(np.column_stack([first[row], second[row]]), place, normal, gap)
     own = np.flatnonzero(near.itself[pair[row]])
@@ -125,3 +142,40 @@ def _leaves_by_another_edge(skin: Skin, shape: Shape, found: EdgeContacts, near:
         beside = np.abs(found.place[:, own] - found.place[least, own]) * length[:, own] <= -found.gap
         leaves |= known & shorter & ~aligned & beside
     return leaves
+
+
+def each_place_once(
+    skin: Skin, shape: Shape, vertices: VertexContacts, edges: EdgeContacts, faces: FaceEdges
+) -> tuple[VertexContacts, EdgeContacts]:
+    """The contacts without those of vertices on the slopes beside a sharp edge on which the face around them lies, and of edges that meet
+    in a vertex one, or none where the vertex is held by itself."""
+    if not len(edges.gap):
+        return vertices, edges
+    end = (edges.place > 0.5).astype(np.int64)
+    row, side = np.nonzero((edges.place == end) & faces.goes_on[edges.edges, end])
+    vertex, other = skin.edges[edges.edges[row, side], end[row, side]], edges.edges[row, 1 - side]
+    within = np.nonzero(np.isin(edges.edges, faces.within))
+    around = skin.facets[skin.edge_facets[edges.edges[within]]].reshape(-1, 8)
+    vertices = vertices.take(~_on_slopes(skin, shape, vertices, edges, *within, around))
+    vertices = vertices.take(~_on_slopes(skin, shape, vertices, edges, row, side, vertex[:, None]))
+    body = skin.vertex_body[skin.edges[other, 0]]
+    held = np.isin(vertex * skin.n_bodies + body, vertices.vertex * skin.n_bodies + skin.facet_body[vertices.facet])
+    again = np.ones(len(row), dtype=bool)
+    again[np.unique(vertex * len(skin.edges) + other, return_index=True)[1]] = False
+    drop = np.zeros(len(edges.gap), dtype=bool)
+    drop[row[held | again]] = True
+    return vertices, edges.take(~drop)
+
+
+def _on_slopes(
+    skin: Skin, shape: Shape, found: VertexContacts, edges: EdgeContacts, row: IntArray, side: IntArray, around: IntArray
+) -> BoolArray:
+    """Which vertices' contacts (nc,) are of the vertices `around` (n, k) a crossing, of the `row` (n,) of `edges` and the edge `side` (n,)
+    of it, with a face beside the other edge that leans to the crossing's normal."""
+    found_on = np.zeros(len(found.gap), dtype=bool)
+    towards = np.where(side == 1, -1.0, 1.0)[:, None] * edges.normal[row]
+    key = found.vertex * skin.n_sides + skin.side[found.facet]
+    for slope in skin.edge_facets[edges.edges[row, 1 - side]].T:
+        leans = np.einsum("cd,cd->c", shape.normal[slope], towards) < _SLOPE
+        found_on |= np.isin(key, around[leans] * skin.n_sides + skin.side[slope[leans], None])
+    return found_on

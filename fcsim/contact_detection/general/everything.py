@@ -16,12 +16,13 @@ from fcsim.contact_detection.arguments import excluded_pairs, refuse_alert
 from fcsim.contact_detection.contacts import Contacts
 from fcsim.contact_detection.frames import frames
 from fcsim.contact_detection.friction import Friction, FrictionTable
-from fcsim.contact_detection.general.edges import EdgeContacts, edge_contacts
+from fcsim.contact_detection.general.edges import EdgeContacts, each_place_once, edge_contacts
+from fcsim.contact_detection.general.face_edges import FaceEdges, face_edges
 from fcsim.contact_detection.general.folding import deformation, folding_bodies, with_folding
 from fcsim.contact_detection.general.near import Lengths, NearBodies, near_bodies
 from fcsim.contact_detection.general.overlap.convex import shallow_edges, shallow_vertices
 from fcsim.contact_detection.general.overlap.overlaps import overlap_contacts
-from fcsim.contact_detection.general.smoothing import bulge_of, bulges_of_skin, of_both_sides, smoothed
+from fcsim.contact_detection.general.smoothing import bulge_of, bulges_of_skin, of_both_sides, smoothed, smoothed_faces
 from fcsim.contact_detection.general.vertices import VertexContacts, vertex_contacts
 from fcsim.contact_detection.skin.boundary import boundary_of
 from fcsim.contact_detection.skin.closed_skin import closed_skin
@@ -69,6 +70,7 @@ class Everything:
     smooth: bool = True
     skin: Skin = field(init=False, repr=False)
     lengths: Lengths = field(init=False, repr=False)
+    faces: FaceEdges = field(init=False, repr=False)
     friction: FrictionTable = field(init=False, repr=False)
     together: IntArray = field(init=False, repr=False)
     excluded: IntArray = field(init=False, repr=False)
@@ -99,6 +101,7 @@ class Everything:
         driven = np.bincount(np.searchsorted(model.dof_offset, model.driven_dofs, side="right") - 1, minlength=len(names))
         values = {
             "skin": skin,
+            "faces": face_edges(skin, reference, len(model.deformable)),
             "friction": FrictionTable(self.mu, names),
             "together": moved_together(model, model.held, model.supports),
             "excluded": excluded,
@@ -177,8 +180,10 @@ class Everything:
             among = with_folding(near, self.folding, self.lengths)
         vertices, beyond, met = vertex_contacts(self.skin, shape, among, self._reference)
         vertices = shallow_vertices(self.skin, shape, among, vertices)
-        edges = edge_contacts(self.skin, shape, among, vertices, self._reference)
+        edges = edge_contacts(self.skin, shape, among, vertices, self._reference, self.faces)
         edges = shallow_edges(self.skin, shape, among, edges)
+        vertices, edges = each_place_once(self.skin, shape, vertices, edges, self.faces)
+        edges = smoothed_faces(self.skin, shape, edges, self.faces.within, self.smoothed_bodies, self.patches)
         unseen = overlap_contacts(self.skin, shape, among, vertices, edges)
         if unseen is not None:
             unseen = shallow_vertices(self.skin, shape, among, unseen)

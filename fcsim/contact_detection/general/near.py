@@ -92,13 +92,19 @@ def near_facets_of_both(skin: Skin, shape: Shape, near: NearBodies) -> IntArray:
 
 def near_edges(skin: Skin, shape: Shape, near: NearBodies) -> IntArray:
     """Rows (sharp edge of the first body, sharp edge of the second, pair); of a body with itself each two once that share no end."""
-    sharp = skin.sharp_edges
-    items = (skin.first_sharp_edge, shape.edge_low[sharp], shape.edge_high[sharp])
-    reach = np.maximum(near.alert, 0.2 * near.depth)
-    rows = kernels.item_pairs(near.bodies, shape.body_low, shape.body_high, *items, *items, reach, reach)
-    rows[:, :2] = sharp[rows[:, :2]]
+    rows = edges_of_both(skin, shape, near, skin.sharp_edges, skin.sharp_edges)
     if not near.itself.any():
         return rows
     one, other = skin.edges[rows[:, 0]], skin.edges[rows[:, 1]]
     joined = (one == other).any(axis=1) | (one == other[:, ::-1]).any(axis=1)
     return rows[~near.itself[rows[:, 2]] | ((rows[:, 0] < rows[:, 1]) & ~joined)]
+
+
+def edges_of_both(skin: Skin, shape: Shape, near: NearBodies, ours: IntArray, theirs: IntArray) -> IntArray:
+    """Rows (edge of the first body among ours, edge of the second among theirs, pair) near each other; both sorted by number."""
+    first = (np.searchsorted(own, skin.first_edge) for own in (ours, theirs))
+    items = [(begin, shape.edge_low[own], shape.edge_high[own]) for begin, own in zip(first, (ours, theirs), strict=True)]
+    reach = np.maximum(near.alert, 0.2 * near.depth)
+    rows = kernels.item_pairs(near.bodies, shape.body_low, shape.body_high, *items[0], *items[1], reach, reach)
+    rows[:, 0], rows[:, 1] = ours[rows[:, 0]], theirs[rows[:, 1]]
+    return rows

@@ -45,6 +45,26 @@ def smoothed(skin: Skin, shape: Shape, found: VertexContacts, curved: BoolArray,
     return found._replace(normal=along, gap=gap)
 
 
+def smoothed_faces(skin: Skin, shape: Shape, found: EdgeContacts, within: IntArray, curved: BoolArray, patch: IntArray) -> EdgeContacts:
+    """The same of sharp edges across the edges `within` faces, sorted: the face's normal there is interpolated along its edge."""
+    row, side = np.nonzero(np.isin(found.edges, within))
+    edge, place = found.edges[row, side], found.place[row, side]
+    facet, ends = skin.edge_facets[edge, 0], skin.edges[edge]
+    if not curved[skin.facet_body[facet]].any():
+        return found
+    corner = skin.facets[facet]
+    weights = (corner == ends[:, :1]) * (1.0 - place)[:, None] + (corner == ends[:, 1:]) * place[:, None]
+    changed, outwards = interpolated_normals(
+        facet, weights * skin.real[facet], curved[skin.facet_body], shape.point, shape.normal, skin.facets, skin.sides, patch,
+        skin.star, skin.first_star,
+    )  # fmt: skip
+    row, side, outwards = row[changed], side[changed], outwards[changed]
+    along, gap = found.normal.copy(), found.gap.copy()
+    along[row] = np.where(side == 1, 1.0, -1.0)[:, None] * outwards  # from the second body to the first
+    gap[row] *= np.einsum("cd,cd->c", along[row], found.normal[row])
+    return found._replace(normal=along, gap=gap)
+
+
 def of_both_sides(skin: Skin, shape: Shape, found: VertexContacts, met: IntArray, curved: BoolArray, patch: IntArray) -> VertexContacts:
     """The contacts with the mean of both surfaces' normals, and the gaps along it, where a vertex among those `met` lies on a vertex of
     another curved body: neither surface is more the other one's than it is its own, and the order of the bodies says nothing."""

@@ -79,11 +79,6 @@ class Skin:
         return np.flatnonzero(self.sharp)
 
     @cached_property
-    def first_sharp_edge(self) -> IntArray:
-        """(nb + 1,): as first_edge, of `sharp_edges`."""
-        return np.searchsorted(self.sharp_edges, self.first_edge)
-
-    @cached_property
     def real(self) -> BoolArray:
         """(nf, 4): which places of `facets` are corners."""
         return np.arange(4) < self.sides[:, None]

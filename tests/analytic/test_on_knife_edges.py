@@ -1,0 +1,117 @@
+"""Plates on knife-edges: what bends bears all along what is sharp, wherever the knives lie between its nodes; beside the same in the plane,
+where a knife is a corner, and beside a knife that has vertices enough of its own."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from fcsim import Body, Everything, Material, QuasiStatic, Simulation, Step, Support, Theta, Traction, at_rest, build_model
+from fcsim.assembly.model import Model
+from fcsim.mesh import RigidBody, brick, rectangle, rigid_box, rigid_polygon, rigid_polyhedron
+from fcsim.mesh.solids.closed_surface import closed_surface, rigid_solid
+
+ALL = ("x", "y", "z", "rx", "ry", "rz")
+E, HEIGHT, PRESSURE = 70e9, 0.02, 1000.0
+SECTION = np.array([(-0.05, -0.1), (0.05, -0.1), (0.0, 0.0)])
+
+
+def knife(name: str, x: float, width: float = 0.05, y: float = 0.7) -> RigidBody:
+    """Its edge at z = 0 along y, its sides falling by 0.1 over the width."""
+    points = [(x + width / 0.05 * a, b, z) for b in (-y, y) for a, z in SECTION]
+    return rigid_polyhedron(name, np.array(points), 1000.0)
+
+
+def sag(model: Model, step: Step, x: float) -> float:
+    """Mean way down [m] of the plate's nodes above x."""
+    nodes = np.abs(model.reference[: model.node_offset[1], 0] - x) < 1e-9
+    return float(-(model.positions(step.state.x) - model.reference)[: model.node_offset[1]][nodes, -1].mean())
+
+
+def bent_in_space(cells: int, overhang: float, elements: str, turn: bool) -> tuple[float, Step]:
+    part = brick("plate", (1 + 2 * overhang, 1, HEIGHT), (cells, 3, 1), Material(E, 0.0, 7800.0), elements=elements)
+    plate = Body("plate", part, translation=(-0.5 - overhang, -0.5, 0.0))
+    knives = [knife("left", -0.5), knife("right", 0.5)]
+    bodies = [*knives, plate] if turn else [plate, *knives]
+    held = [Support(k.name, ALL) for k in knives]
+    model = build_model(bodies, supports=held, loads=[Traction("plate", "z+", (0.0, 0.0, -PRESSURE))])
+    *_, last = Simulation(model, Everything(model, 0.2), QuasiStatic(0.5, eta=200.0), 3)
+    return sag(model, last, 0.0), last
+
+
+def bent_in_the_plane(cells: int, overhang: float, elements: str) -> float:
+    part = rectangle("plate", (1 + 2 * overhang, HEIGHT), (cells, 1), Material(E, 0.0, 7800.0), plane="stress", elements=elements)
+    knives = [rigid_polygon(n, SECTION + np.array([x, 0.0]), density=1000.0) for n, x in (("left", -0.5), ("right", 0.5))]
+    held = [Support(k.name, ("x", "y", "rz")) for k in knives]
+    plate = Body("plate", part, translation=(-0.5 - overhang, 0.0))
+    model = build_model([plate, *knives], supports=held, loads=[Traction("plate", "y+", (0.0, -PRESSURE))])
+    *_, last = Simulation(model, Everything(model, 0.2), QuasiStatic(0.5, eta=200.0), 3)
+    return sag(model, last, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("cells", "overhang", "elements"),
+    [(14, 0.2, "Q1-enhanced"), (14, 0.05, "Q1-enhanced"), (10, 0.125, "Q2"), (6, 0.03, "Q2")],
+    ids=["knives under nodes", "between nodes", "second order, under nodes", "second order, between nodes"],
+)
+@pytest.mark.parametrize("turn", [False, True], ids=["plate first", "knives first"])
+def test_a_plate_on_two_knives_bends_as_in_the_plane(cells: int, overhang: float, elements: str, turn: bool) -> None:
+    """Between its outer edges nothing held it: it sank on to the knives' middles, and sagged twice as far. With nodes on the knives
+    nothing was found at all, until it had slid aside."""
+    flat, (deep, last) = bent_in_the_plane(cells, overhang, elements), bent_in_space(cells, overhang, elements, turn)
+    assert_allclose(deep, flat, rtol=5e-3)
+    load = PRESSURE * (1 + 2 * overhang)
+    assert_allclose(last.contact_force_on("plate"), [0.0, 0.0, load], atol=1e-3 * load)
+    assert_allclose(last.contact_force_on("left")[2], -load / 2, rtol=1e-3)
+    if elements == "Q2":  # Euler and Bernoulli, with what bends it over the knives
+        beam = PRESSURE / (E * HEIGHT**3 / 12) * (5 / 384 - overhang**2 / 16)
+        assert_allclose(deep, beam, rtol=0.03)
+
+
+@pytest.mark.parametrize("off", [0.0, 1e-5, -1e-5])
+@pytest.mark.parametrize("kind", ["elastic", "rigid"])
+def test_a_plank_with_nodes_on_smooth_knives_lies_still(kind: str, off: float) -> None:
+    """Nodes within a thousandth of a cell of a knife's edge leant on its side, by a force along x: of an elastic plank that ended the run
+    with energy created."""
+    knives = [knife("left", -0.25, 0.1), knife("right", 0.25, 0.1)]
+    part = brick("plank", (1, 0.4, 0.05), (4, 2, 1), Material(1e8, 0.2, 1000.0), elements="Q1-enhanced")
+    elastic = Body("plank", part, translation=(-0.5 + off, -0.2, 0.0))
+    plank = elastic if kind == "elastic" else rigid_box("plank", (1, 0.4, 0.05), (off, 0.0, 0.025), 20.0, divisions=(4, 2, 1))
+    model = build_model([*knives, plank], supports=[Support(k.name, ALL) for k in knives], gravity=(0, 0, -9.81), beta=1e-3)
+    steps = list(Simulation(model, Everything(model, 0.0), Theta(1e-3, 1.0), 40))
+    forces = np.array([step.contact_force_on("plank") for step in steps])
+    weight = 20.0 * 9.81
+    assert np.abs(forces[:, :2]).max() < 1e-5 * weight
+    assert_allclose(forces[-20:, 2].mean(), weight, rtol=0.05)  # it swings
+
+
+def test_a_divided_rigid_plank_that_falls_with_its_nodes_over_the_knives_is_held() -> None:
+    """It went into them: the edges of its rim met the knives at their ends, which vertices were to hold."""
+    knives = [knife("left", -0.25, 0.1), knife("right", 0.25, 0.1)]
+    plank = rigid_box("plank", (1, 0.4, 0.05), (0.0, 0.0, 0.025 + 1e-3), 20.0, divisions=(4, 2, 1))
+    model = build_model([*knives, plank], supports=[Support(k.name, ALL) for k in knives], gravity=(0, 0, -9.81))
+    *_, last = Simulation(model, Everything(model, 0.0), Theta(2e-3), 40, initial=at_rest(model))
+    dof = model.dof_offset[model.number["plank"]]
+    assert_allclose(last.state.x[dof : dof + 3], [0.0, 0.0, -1e-3], atol=1e-6)
+
+
+def wedge_with(vertices: int, tilt: float) -> RigidBody:
+    """A blunt wedge, its edge down, above x = 3 mm, from y = -20 mm on over the block's rim, rising by the tilt."""
+    section = np.array([(0.0, 0.0), (0.05, 0.03), (0.0, 0.1), (-0.05, 0.03)]) + np.array([0.003, 0.0])
+    y = np.linspace(-0.02, 0.2, vertices)
+    points = np.array([(x, b, z + np.tan(tilt) * (b - y[0])) for b in y for x, z in section])
+    ends = [[0, 1, 2, 3], [len(points) - 4 + k for k in (3, 2, 1, 0)]]
+    sides = [[4 * i + (k + 1) % 4, 4 * i + k, 4 * i + 4 + k, 4 * i + 4 + (k + 1) % 4] for i in range(vertices - 1) for k in range(4)]
+    return rigid_solid(closed_surface("wedge", points, [*ends, *sides]), density=1000.0)
+
+
+@pytest.mark.parametrize("tilt", [0.0, np.deg2rad(2.0)])
+def test_a_wedge_of_two_vertices_presses_as_one_of_thirty(tilt: float) -> None:
+    force = {}
+    for vertices in (2, 30):
+        part = brick("block", (0.2, 0.1, 0.1), (8, 4, 4), Material(1e7, 0.3, 1000.0), origin=(-0.1, -0.05, -0.1))
+        wedge = wedge_with(vertices, tilt)
+        held = [Support("block", ("x", "y", "z"), "z-"), Support("wedge", ("x", "y", "rx", "ry", "rz"))]
+        model = build_model([Body("block", part), wedge], supports=[*held, Support("wedge", ("z",), displacement=lambda t: -0.006 * t)])
+        *_, last = Simulation(model, Everything(model, 0.0), QuasiStatic(1 / 6), 6)
+        force[vertices] = last.contact_force_on("wedge")
+    assert_allclose(force[2], force[30], atol=0.02 * force[30][2])
