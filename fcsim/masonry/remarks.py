@@ -63,11 +63,21 @@ def _of_the_model(analysis: LimitAnalysis) -> list[str]:
             "the rounds that find Coulomb's multiplier settle only where slip opens joints a little, by "
             f"{analysis.coulomb.dilatancy:.2g} of mu: it is that of such a mechanism"
         )
+    apart = _apart(analysis)
+    if apart:
+        said.append(f"mu_between of {apart}: they do not touch, and it counts nowhere")
     thin = on_a_line(contacts, len(blocks), _THIN * analysis.problem.size) & ~held & ~loose
     if thin.any():
         where = "a point" if contacts.dimension == 2 else "a line or a point"
         said.append(f"others are touched along {where} alone by {_named(names, thin)}: where that bears a stone the slightest push ends it")
     return said
+
+
+def _apart(analysis: LimitAnalysis) -> str:
+    """The pairs with a friction of their own that have no contact."""
+    touching = {frozenset(pair) for pair in analysis.limit.contacts.bodies.tolist()}
+    number, pairs = analysis.problem.number, analysis.problem.between
+    return ", ".join(f"{a!r} and {b!r}" for a, b in pairs if frozenset((number[a], number[b])) not in touching)
 
 
 def unheld(contacts: Contacts, held: np.ndarray) -> np.ndarray:
