@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     from fcsim.running.case import CaseScript
     from fcsim.running.run import Summary
 
+_FORMS = {"global": ("global",), "local": ("local",), "both": ("global", "local")}
+
 
 def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     """Add the command `run`."""
@@ -40,24 +42,23 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     run.add_argument("--out", type=Path, help="folder of the results (default: results/CASE)")
     run.add_argument("--solver", help="solver of every step (see fcsim solvers; default: the case's)")
     run.add_argument("--tol", type=float, help="tolerance on the error of every step, relative (default: the case's)")
-    run.add_argument("--export-every", type=int, default=10, metavar="K", help="write an FCLIB file every K steps, 0 = none (default 10)")
+    run.add_argument("--export-every", type=int, metavar="K", help="write an FCLIB file every K steps, 0 = none (default 10)")
     run.add_argument(
         "--export-iterations",
         action="store_true",
+        default=None,
         help="of steps with nonlinear bodies write all problems of Newton's method, not the last alone",
     )
-    run.add_argument(
-        "--export-form", choices=("global", "local", "both"), default="global", help="form of the FCLIB files (default global)"
-    )
-    run.add_argument("--vtk-every", type=int, default=10, metavar="K", help="write VTK files every K steps, 0 = none (default 10)")
-    run.add_argument("--checkpoint-every", type=int, default=20, metavar="K", help="steps between checkpoints (default 20)")
+    run.add_argument("--export-form", choices=tuple(_FORMS), help="form of the FCLIB files (default global)")
+    run.add_argument("--vtk-every", type=int, metavar="K", help="write VTK files every K steps, 0 = none (default 10)")
+    run.add_argument("--checkpoint-every", type=int, metavar="K", help="steps between checkpoints (default 20)")
     run.add_argument(
         "--witness-every", type=int, metavar="K", help="measure the bodies' overlap every K steps, 0 = never (default: the case's)"
     )
     run.add_argument(
         "--witness-tolerance", type=float, metavar="SHARE", help="overlap borne, of the smaller body's size (default: the case's)"
     )
-    run.add_argument("--resume", action="store_true", help="go on with an interrupted run in the folder of the results")
+    run.add_argument("--resume", action="store_true", help="go on with the interrupted run in the folder of the results, by its options")
     run.add_argument("--accept-changes", action="store_true", help="resume also where script, meshes, tables or versions have changed")
     run.add_argument("--overwrite", action="store_true", help="replace an earlier run's results")
     run.add_argument("--any-size", action="store_true", help="begin also what the free memory does not seem to hold")
@@ -68,7 +69,7 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
 
 def _run(options: argparse.Namespace) -> int:
     from fcsim.campaign.named_case import named_case
-    from fcsim.running.run import RunOptions, run_case
+    from fcsim.running.run import run_case
     from fcsim.solvers.plugins import load_plugins
 
     load_plugins(options.plugin)
@@ -82,22 +83,21 @@ def _run(options: argparse.Namespace) -> int:
         checked_tolerance(options.tol)
     assignments |= given_by_options(options, script)
     directory = options.out or Path("results") / script.name
-    forms = ("global", "local") if options.export_form == "both" else (options.export_form,)
-    settings = RunOptions(
-        export_every=options.export_every,
-        export_forms=forms,
-        export_iterations=options.export_iterations,
-        vtk_every=options.vtk_every,
-        checkpoint_every=options.checkpoint_every,
-        witness_every=options.witness_every,
-        witness_tolerance=options.witness_tolerance,
-    )
+    given = {
+        "export_every": options.export_every,
+        "export_forms": _FORMS.get(options.export_form),
+        "export_iterations": options.export_iterations,
+        "vtk_every": options.vtk_every,
+        "checkpoint_every": options.checkpoint_every,
+        "witness_every": options.witness_every,
+        "witness_tolerance": options.witness_tolerance,
+    }
     with ended_politely(), any_size() if options.any_size else nullcontext(), Bar("step") as bar, saying_so(bar.say):
         summary = run_case(
             script,
             assignments,
             here / directory,
-            settings,
+            {name: value for name, value in given.items() if value is not None},
             resume=options.resume,
             overwrite=options.overwrite,
             accept_changes=options.accept_changes,

@@ -92,13 +92,12 @@ def masonry_of_json(data: Json, path: Path) -> MasonryProblem:
         entry = _mapping(entry, f"{where}, mu_between")
         _refuse_slips(entry, "mu_between", f"{where}, mu_between")
         pair = [_name({"between": name}, "between", f"{where}, mu_between") for name in _entries(entry, "between", f"{where}, mu_between")]
-        if len(pair) != 2:
+        if len(pair) != 2 or pair[0] == pair[1]:
             raise InputError(f"{where}, mu_between: expected the names of two blocks, got {pair}")
         mu = _get(float, entry, "mu", f"{where}, mu_between {pair}")
-        known = between.get((pair[0], pair[1]), mu)
+        known = between.setdefault((pair[0], pair[1]), mu)
         if known != mu:
             raise InputError(f"{where}, mu_between: expected one number for {pair[0]!r} and {pair[1]!r}, got {known:g} and {mu:g}")
-        between[pair[0], pair[1]] = mu
     poses = [_pose(entry, f"{where}, initial_pose") for entry in _one_or_more(data, "initial_pose", where)]
     motions = [_motion(entry, f"{where}, support_motion") for entry in _entries(data, "support_motion", where)]
     moving = [name for name, _ in motions]
@@ -203,11 +202,13 @@ def _shaking(entry: object, where: str) -> BaseAcceleration:
     entry = _mapping(entry, where)
     _refuse_slips(entry, "base_acceleration", where)
     if "times" in entry:
+        _refuse_of_others(entry, "base_acceleration", "kind direction times values", where)
         times, values = (_get(tuple[float, ...], entry, key, where) for key in ("times", "values"))
         return BaseAcceleration(_vector(entry, "direction", where), _record(times, values, where))
     kind, value = _get(str, entry, "kind", where), _vector(entry, "value", where)
     if kind not in ("half_sine", "sine"):
         raise InputError(f'{where}: expected times and values, or the kind "half_sine" or "sine", got {kind!r}')
+    _refuse_of_others(entry, "base_acceleration", "kind value duration" + " frequency" * (kind == "sine"), f"{where} {kind!r}")
     duration = _get(float, entry, "duration", where)
     frequency = 0.5 / duration if kind == "half_sine" and duration > 0 else _get(float, entry, "frequency", where)
     if not (duration > 0 and 0 < frequency < np.inf):
@@ -240,6 +241,7 @@ def _load(entry: object, where: str) -> Acceleration | PointForce:
     _refuse_slips(entry, "loads", what)
     value, scaled = _vector(entry, "value", what), _get(bool, entry, "scaled_by_multiplier", what, False)
     if kind == "acceleration":
+        _refuse_of_others(entry, "loads", "kind value scaled_by_multiplier", f"{what}, which acts on all free blocks")
         return Acceleration(value, scaled)
     if kind == "force":
         point = None if entry.get("point") is None else _vector(entry, "point", what)
@@ -301,6 +303,13 @@ def _refuse_slips(entry: Mapping[str, object], kind: str, where: str) -> None:
         near = [" of ".join(meant)] if meant[0] in left or meant[1:] else get_close_matches(key.lower(), left, 1, 0.8)
         if near:
             raise InputError(f"{where}: expected the key {near[0]!r}, got {key!r}, which would be left aside")
+
+
+def _refuse_of_others(entry: Mapping[str, object], kind: str, taken: str, where: str) -> None:
+    """InputError for keys that records of another kind have: this one would leave them aside."""
+    for key in _KEYS[kind].split():
+        if key not in taken.split() and entry.get(key) is not None:
+            raise InputError(f"{where}: expected {', '.join(taken.split())}, got {key!r}: {entry[key]!r}, which it does not have")
 
 
 def _refuse_units(units: object, where: str) -> None:

@@ -69,6 +69,9 @@ def _of_the_model(analysis: LimitAnalysis) -> list[str]:
             "the rounds that find Coulomb's multiplier settle only where slip opens joints a little, by "
             f"{analysis.coulomb.dilatancy:.2g} of mu: it is that of such a mechanism"
         )
+    apart = _apart(analysis)
+    if apart:
+        said.append(f"mu_between of {apart}: they do not touch, and it counts nowhere")
     thin = on_a_line(contacts, len(blocks), _THIN * analysis.problem.size) & ~held & ~loose
     if thin.any():
         where = "a point" if contacts.dimension == 2 else "a line or a point"
@@ -89,6 +92,13 @@ def lies_down(contacts: Contacts, held: np.ndarray, problem: MasonryProblem) -> 
     x, y, z = np.ptp(points, axis=0)
     layers = len(np.unique(contacts.bodies[between][normal[:, 1] > _ALONG]))
     return bool(borne and z < _FLAT * min(x, y) and layers >= _LAYERS and not np.any(normal[:, 2] > 1 - _ALONG))
+
+
+def _apart(analysis: LimitAnalysis) -> str:
+    """The pairs with a friction of their own that have no contact."""
+    touching = {frozenset(pair) for pair in analysis.limit.contacts.bodies.tolist()}
+    number, pairs = analysis.problem.number, analysis.problem.between
+    return ", ".join(f"{a!r} and {b!r}" for a, b in pairs if frozenset((number[a], number[b])) not in touching)
 
 
 def unheld(contacts: Contacts, held: np.ndarray) -> np.ndarray:

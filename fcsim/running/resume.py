@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
@@ -15,9 +15,10 @@ from fcsim.brief import of_any_process
 from fcsim.errors import InputError
 from fcsim.mesh.cell_type import ELEMENTS
 from fcsim.mesh.part import Body
-from fcsim.records import json_text
+from fcsim.records import from_json, json_text
 from fcsim.running.case import CaseScript
 from fcsim.running.description import FILE, Description, read_description
+from fcsim.running.outputs import RunOptions
 from fcsim.running.parameters import parse_parameters
 from fcsim.timestep.step import Moment
 
@@ -38,6 +39,12 @@ def resumed_assignments(directory: Path, script: CaseScript, given: Mapping[str,
         if stored.parameters.get(name) != now.get(name):
             raise InputError(f"--resume: expected the first run's {name} = {stored.parameters.get(name)}, got {now.get(name)}")
     return assignments, stored
+
+
+def resumed_options(stored: Description | None, given: Mapping[str, object]) -> RunOptions:
+    """The options that are given now, and for the others those of the run to go on with; None: of no run, by default."""
+    kept = RunOptions() if stored is None else from_json(RunOptions, dict(stored.options), f"{FILE}, options")
+    return replace(kept, **given)  # type: ignore[arg-type]  # whose types are those of the command line
 
 
 def changes(stored: Description, now: Description) -> list[str]:

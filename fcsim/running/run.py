@@ -31,7 +31,7 @@ from fcsim.running.refusals.fclib_files import refuse_fclib_files
 from fcsim.running.refusals.own_files import check_folder, empty, make_folder
 from fcsim.running.refusals.same_case import same_case, shared_work
 from fcsim.running.refusals.size import size_of
-from fcsim.running.resume import accepted, changes, check_moments, resumed_assignments
+from fcsim.running.resume import accepted, changes, check_moments, resumed_assignments, resumed_options
 from fcsim.running.step_table import refuse_taken
 from fcsim.runtime import limited_threads
 from fcsim.timestep.step import Moment, Step
@@ -102,7 +102,7 @@ def run_case(
     script: CaseScript,
     assignments: Mapping[str, str],
     directory: str | Path,
-    options: RunOptions | None = None,
+    options: RunOptions | Mapping[str, object] | None = None,
     *,
     resume: bool = False,
     overwrite: bool = False,
@@ -113,6 +113,7 @@ def run_case(
     """Run a case script with the given parameter texts into a folder; `announce` is told its size before the first step, `watch` is
     called after each step.
 
+    options: all of them, or those that are given by their names: the others are those of the run that goes on, or by default.
     resume goes on from the folder's checkpoint with the parameters stored there (steps may be raised); where script, meshes, tables or
     versions are not as they were, only with accept_changes, and run.json says so. overwrite removes an earlier run's files first.
     A run that does not fit into the free memory is refused (see `fcsim.memory`). Nothing is touched before the case is built, and no
@@ -121,7 +122,6 @@ def run_case(
     """
     if resume and overwrite:
         raise InputError("--resume, --overwrite: expected one of them, got both")
-    options = options or RunOptions()
     directory = Path(directory).absolute()  # a script may change the working directory
     stored: Description | None = None
     if resume:
@@ -129,6 +129,8 @@ def run_case(
         assignments, stored = of_rank_0("the run to go on with", lambda: resumed_assignments(directory, script, given))
     else:
         of_rank_0("the folder of the results", lambda: check_folder(directory, overwrite))
+    if not isinstance(options, RunOptions):
+        options = resumed_options(stored, options or {})
     with section("the case"):
         parameters = parse_parameters(script, assignments)
         with files_read() as read:

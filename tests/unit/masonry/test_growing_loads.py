@@ -67,6 +67,15 @@ def test_no_load_that_grows_is_said() -> None:
     assert "no load grows upon a free block" in said
 
 
+def test_friction_of_pairs_that_do_not_touch_is_said() -> None:
+    stone = stone_on_floor()
+    above = Block(closed_surface("above", (np.array((-0.15, -0.25, 2.0)) + CORNERS * (0.3, 0.5, 1.0)).tolist(), FACES), support=True)
+    far = replace(stone, blocks=(*stone.blocks, above), between={("above", "stone"): 0.1, ("floor", "stone"): 0.3})
+    found = analyse(pushed(far, (1.0, 0.0, 0.0)))
+    (said,) = (words for words in remarks(found, None) if "mu_between" in words)
+    assert said == "mu_between of 'above' and 'stone': they do not touch, and it counts nowhere"
+
+
 def test_gravity_in_other_units_is_said() -> None:
     """Of a stone in mm, t and s a push by its weight at 9.81 has a multiplier a thousand times too large."""
     stone = replace(stone_on_floor(), loads=(Acceleration((0.0, 0.0, -9810.0)),))
