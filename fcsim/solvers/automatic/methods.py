@@ -205,7 +205,7 @@ def splitting(race: Race, monitor: ShareOfMonitor, options: AdmmOptions) -> Turn
 
 
 def proximal(race: Race, monitor: ShareOfMonitor) -> Turns:
-    """Proximal Newton from the best iterate; where another method is well ahead, from its iterate."""
+    """Proximal Newton from the best iterate; where another method is well ahead, from its iterate, but in beds."""
 
     def begin() -> Turns:
         options = PROXIMAL_OF_EDGES if edges(race) else PROXIMAL_NEWTON
@@ -299,7 +299,8 @@ def overtaken(race: Race, monitor: ShareOfMonitor) -> bool:
 
 
 def _anew_where_overtaken(race: Race, monitor: ShareOfMonitor, begin: Callable[[], Turns]) -> Turns:
-    """What `begin` makes, made anew where another method is well ahead."""
+    """What `begin` makes, made anew where another method is well ahead. Not in beds of grains: there the error swings by tenfolds on the
+    way to a solution, and the best iterate of others seldom lies on one."""
     while True:
         run = begin()
         behind = False
@@ -310,7 +311,7 @@ def _anew_where_overtaken(race: Race, monitor: ShareOfMonitor, begin: Callable[[
                 iterate: Iterate = stop.value
                 return iterate
             yield
-            behind = overtaken(race, monitor)
+            behind = not in_bed(race) and overtaken(race, monitor)
 
 
 def fischer_burmeister(race: Race, monitor: ShareOfMonitor) -> Turns:
