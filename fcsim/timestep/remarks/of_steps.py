@@ -6,6 +6,7 @@ from fcsim.assembly.kinematics.deformation import Deformation
 from fcsim.contact_detection import Detection
 from fcsim.timestep.limits import remarks
 from fcsim.timestep.regularisation.out_of_balance import out_of_balance
+from fcsim.timestep.regularisation.scarce_digits import scarce_digits
 from fcsim.timestep.remarks.bearing_nothing import bearing_nothing
 from fcsim.timestep.remarks.coarse import coarse
 from fcsim.timestep.remarks.dented import dented
@@ -59,4 +60,5 @@ class StepRemarks:
             | self._corners(step, found, when, said)
             | self._entered(step, when, said)
             | far_off(step, self._steps, when, said)
+            | scarce_digits(step, when, said)
         )

@@ -113,6 +113,10 @@ class State:
     def monitor(self) -> Any:
         return SimpleNamespace(tol=self.tol, memory=object() if self.keeps else None)
 
+    @property
+    def start(self) -> np.ndarray:
+        return np.ones(self.nc * self.dimension)
+
     def best_r(self) -> np.ndarray:
         return np.ones(self.nc * self.dimension)
 

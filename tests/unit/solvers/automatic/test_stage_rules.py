@@ -6,10 +6,13 @@ from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 
 from fcsim.solvers.automatic import closed, first, methods, stages
 from fcsim.solvers.automatic.race import LITTLE, Stage
+from fcsim.solvers.base import Iterate, Status
+from fcsim.solvers.turns import Turns, to_the_end
 from tests.unit.solvers.automatic.states import (
     AFAR,
     EDGES_HELD,
@@ -412,10 +415,48 @@ def test_fischer_burmeister_enters_last(spent: float, running: bool, from_zero: 
 
 
 @pytest.mark.parametrize(
+    ("changes", "metric"),
+    [({}, "identity"), ({"in_velocities": False}, "compliance"), ({"warm": True}, "compliance"), ({"holds": FACES_HELD}, "compliance")],
+)
+def test_from_zero_beds_have_the_metric_that_is_not_that_of_the_best_iterate(
+    changes: dict[str, Any], metric: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    given: list[tuple[Any, Any]] = []
+    monkeypatch.setattr(methods, "proximal_turns", lambda problem, r, monitor, chosen: given.append((r, chosen)) or iter(()))
+    race = state(best=1e-6, **changes)
+    methods.proximal_from_zero(race, None)  # type: ignore[arg-type]
+    with pytest.raises(StopIteration):
+        next(methods.proximal(race, None))  # type: ignore[arg-type]
+    (start, options), (_, others) = given
+    assert not np.any(start) and options.metric == metric
+    if race.joints is None and not race.warm and race.holds == LOOSE:
+        assert others.metric != metric
+
+
+@pytest.mark.parametrize(
+    ("changes", "begins"), [({"holds": LOOSE}, 1), ({"holds": FACES_HELD}, 2), ({"holds": EDGES_HELD, "dimension": 2}, 2), (JOINTS, 2)]
+)
+def test_in_beds_proximal_newton_and_paths_go_on_where_another_is_ahead(changes: dict[str, Any], begins: int) -> None:
+    """The other one's iterate is a hundred times as good; elsewhere both begin anew from that. In a bed with noise (`noise:300:5003`)
+    proximal Newton arrives after 177 iterations from the sweeps' iterate, and had not after 936 where it began anew."""
+    monitor, begun = SimpleNamespace(best=1e-4, taken_up=INF), []
+
+    def begin() -> Turns:
+        begun.append(monitor.taken_up)
+        monitor.best = 1e-4 if len(begun) == 1 else 1e-6
+        yield from (None, None)
+        return Iterate(np.zeros(30), Status.SOLVED)
+
+    run = methods._anew_where_overtaken(state(best=1e-6, **changes), monitor, begin)  # type: ignore[arg-type]
+    assert to_the_end(run).status is Status.SOLVED
+    assert begun == [INF, 1e-6][:begins]
+
+
+@pytest.mark.parametrize(
     ("changes", "options"),
     [
         ({"holds": LOOSE}, "PROXIMAL_LOOSE"),
-        ({"holds": LOOSE, "in_velocities": False}, "PROXIMAL_LOOSE"),
+        ({"holds": LOOSE, "in_velocities": False}, "PROXIMAL_BY_ONE_NUMBER"),
         ({"holds": LOOSE, "warm": True}, "PROXIMAL_NEWTON"),
         ({"holds": FACES_HELD}, "PROXIMAL_OF_FACES_LOOSE"),
         ({"holds": FACES_HELD, "tol": 1e-4}, "PROXIMAL_OF_FACES"),
