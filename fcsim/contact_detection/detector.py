@@ -111,6 +111,12 @@ class Detector:
         object.__setattr__(other, "methods", with_valleys)
         return other
 
+    def keep_in_common(self) -> None:
+        """Have ranks of one machine keep what does not depend on positions once. All ranks must ask."""
+        for method in self.methods:
+            if isinstance(method, NodeToSegment):
+                method.keep_in_common()
+
     @property
     def dimension(self) -> int:
         return self.pairs[0].slave.dimension

@@ -20,7 +20,7 @@ from fcsim.contact_detection.surfaces.facets import FacetGeometry, Facets
 from fcsim.contact_detection.surfaces.projection import closest_on_boundary, project_on_facets
 from fcsim.contact_detection.surfaces.surface import OPPOSING, SurfacePair
 from fcsim.contact_detection.surfaces.verlet_list import VerletList
-from fcsim.ranks import World, alone, complete_rows, for_parts, in_common, kept_alike, world
+from fcsim.ranks import World, alone, complete_rows, for_parts, held_in_common, in_common, kept_alike, world
 
 ROUND = 1e-9  # distances that differ by less, relative to the facet size, are equal
 _PARALLEL = 0.99
@@ -86,6 +86,13 @@ class NodeToSegment:
         self.over_facets = 0.0
         self._known_part: tuple[tuple[int, int], tuple[Candidates, Facets]] = (0, -1), (self.candidates, self.slaves)
         self.identities = np.array(counts) * self._n_bodies * VALLEY
+
+    def keep_in_common(self) -> None:
+        """Have ranks of one machine keep what does not depend on positions once. All ranks must ask."""
+        kept = vars(self)
+        for name in ("candidates", "slaves", "masters", "topology", "known", "pair_of_candidate", "_node", "_alert_of_candidate"):
+            kept[name] = held_in_common(getattr(self, name))
+        self._known_part = (0, -1), (self.candidates, self.slaves)
 
     def at(self, x: FloatArray) -> tuple[Contacts, IntArray]:
         """Contacts at positions x (n_nodes, d) [m], and their pairs."""

@@ -9,8 +9,11 @@ from __future__ import annotations
 import itertools
 import threading
 from collections.abc import Callable, Sequence
+from copy import copy
+from typing import cast
 
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import DTypeLike, NDArray
 
 from fcsim.arrays import FloatArray
@@ -92,19 +95,33 @@ def for_parts(shape: tuple[int, ...], least: int, dtype: DTypeLike = np.float64)
     return np.empty(shape, dtype=dtype) if found is None else found
 
 
-def held_in_common[T: np.generic](array: NDArray[T]) -> NDArray[T]:
-    """An array that all ranks have alike, and keep, in memory that they have in common, so that a machine has it once; the array itself
-    where there is none. All ranks must ask. From then on nobody writes to it."""
+def held_in_common[T](given: T) -> T:
+    """What all ranks have alike, and keep, in memory that they have in common, so that a machine has it once: an array, a sparse one by
+    rows or columns, or a named tuple of these, in which all else stays as it is; itself where there is no such memory. All ranks must ask.
+    From then on nobody writes to it."""
+    found: object = given
+    if isinstance(given, np.ndarray):
+        found = _held(given)
+    elif isinstance(given, sp.csr_array | sp.csc_array):
+        found = copy(given)
+        for name in ("data", "indices", "indptr"):
+            setattr(found, name, _held(getattr(given, name)))
+    elif isinstance(given, tuple) and hasattr(given, "_make"):
+        found = given._make(held_in_common(part) for part in given)
+    return cast(T, found)
+
+
+def _held(array: NDArray) -> NDArray:
     if in_common(array) or array.nbytes < KEPT_FROM or threading.current_thread() is not threading.main_thread():
         return array
     held = for_parts(array.shape, 0, array.dtype)
     if not in_common(held):
         return array
 
-    def copy(begin: int, end: int) -> None:
+    def write(begin: int, end: int) -> None:
         held[begin:end] = array[begin:end]
 
-    in_parts("arrays that all keep", len(held), 0, copy, held)
+    in_parts("arrays that all keep", len(held), 0, write, held)
     return held
 
 

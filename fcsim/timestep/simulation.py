@@ -146,6 +146,8 @@ class Simulation:
         """
         watch = self.watch  # refuses before anything is computed
         keep_in_common(self.model)
+        if self.model.shares is not None:
+            self.substeps.keep_in_common()
         if watch is not None:
             vars(self)["watch"] = watch = watch.in_common()
         after = after or Moment(0, self.initial or at_rest(self.model, h=self.scheme.h))

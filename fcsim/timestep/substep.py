@@ -14,10 +14,11 @@ from numpy.typing import NDArray
 from fcsim.arrays import FloatArray
 from fcsim.assembly.compliance import SystemFactor
 from fcsim.assembly.model import Model
-from fcsim.contact_detection import Detection, Everything, innermost
+from fcsim.contact_detection import Detection, Detector, Everything, innermost
 from fcsim.contact_law.areas.within_faces import with_points_within_faces
 from fcsim.contact_law.proportions import Proportions, proportions
 from fcsim.linkage import Linkage
+from fcsim.ranks import held_in_common
 from fcsim.solvers import Memory
 from fcsim.timestep.beginning.first_half import passes, refuse_going_through
 from fcsim.timestep.beginning.impact import struck
@@ -65,6 +66,12 @@ class Substeps:
     def proportions(self) -> Proportions:
         """Sizes of the bodies, to which lengths of contact are relative."""
         return proportions(self.model, isinstance(innermost(self.detector), Everything))
+
+    def keep_in_common(self) -> None:
+        """Have ranks of one machine keep what detection and the bodies' proportions are made of once. All ranks must ask."""
+        vars(self)["proportions"] = replace(self.proportions, facets=held_in_common(self.proportions.facets))
+        if isinstance(within := innermost(self.detector), Detector):
+            within.keep_in_common()
 
     @cached_property
     def detection(self) -> Detection:

@@ -65,8 +65,7 @@ class Watch:
 
     def in_common(self) -> Watch:
         """The same with its skins, which stay as they are, in memory that ranks have in common. All ranks must ask."""
-        held = (held_in_common(part) if isinstance(part, np.ndarray) else part for part in self.skins)
-        return replace(self, skins=Skins._make(held))
+        return replace(self, skins=held_in_common(self.skins))
 
     @property
     def notes(self) -> tuple[str, ...]:

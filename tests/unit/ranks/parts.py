@@ -5,6 +5,7 @@ import json
 import os
 from dataclasses import fields
 from pathlib import Path
+from typing import NamedTuple
 from unittest.mock import patch
 
 import numpy as np
@@ -14,11 +15,12 @@ from fcsim.assembly.model import build_model
 from fcsim.assembly.whole.kept_once import keep_in_common
 from fcsim.contact_detection import Contacts, ContactSurface, Detector, SurfacePair, contact_matrix_of_bodies, node_to_segment
 from fcsim.contact_detection.frames import frames
+from fcsim.contact_detection.node_to_segment import NodeToSegment
 from fcsim.contact_law.one_point import at_one_point
 from fcsim.linear.sparse.by_ranks import CONTACTS_FROM, RowsKept, normals_by_ranks, times_by_ranks, transposed_times_by_ranks
 from fcsim.linear.sparse.columns import has_pattern
 from fcsim.mesh.part import RigidBody
-from fcsim.ranks import World, alone, for_parts, held_in_common, in_parts, largest, sharing
+from fcsim.ranks import World, alone, for_parts, held_in_common, in_parts, largest, sharing, tasks
 from fcsim.ranks.mapped_memory import in_common
 from fcsim.timestep.reactions import reactions
 from fcsim.timestep.reactions.reactions import Reactions, transferred
@@ -79,14 +81,29 @@ def refused(world: World | None) -> tuple[list[str], bool]:
     return [digest(rows)], in_common(rows)
 
 
+class Held(NamedTuple):
+    """What is kept once."""
+
+    numbers: np.ndarray
+    matrix: sp.csr_array
+    nothing: None
+
+
 def held(world: World | None) -> list[str]:
-    """Numbers that all ranks have, and what a model keeps of its nodes, once for all of them; small ones, and one rank's alone, not."""
+    """Numbers that all ranks have, by themselves, in sparse arrays and in named tuples, and what a model keeps of its nodes, once for all
+    of them; small ones, and one rank's alone, not."""
     numbers, points = np.sin(np.arange(30_000.0)).reshape(-1, 3), np.random.default_rng(3).standard_normal((4000, 3))
     once, few = held_in_common(numbers), held_in_common(numbers[:5])
     with alone():
         own = held_in_common(numbers)
     assert in_common(once) == (world is not None) and held_in_common(once) is once
     assert own is numbers and not in_common(few)
+    matrix = sp.random_array((9000, 50), density=0.05, rng=np.random.default_rng(5), format="csr")
+    matrix.sum_duplicates()
+    both = held_in_common(Held(numbers, matrix, None))
+    assert both.nothing is None and np.array_equal(both.numbers, numbers) and both.matrix.has_sorted_indices
+    assert np.array_equal(both.matrix @ np.arange(50.0), matrix @ np.arange(50.0))
+    assert all(in_common(array) == (world is not None) for array in (both.numbers, both.matrix.data, both.matrix.indices))
     facet = {"face": np.array([[0, 1, 2]])}
     model = build_model([RigidBody(name, 2.0, np.eye(3), np.zeros(3), points, facet) for name in ("one", "other")])
     keep_in_common(model)
@@ -161,15 +178,21 @@ def at_one_place() -> list[str]:
 
 def contacts_found(world: World | None) -> list[str]:
     """Contacts of a plate above another one, all of them, then more and more of one side of it, and all again, beside what a rank alone
-    finds: candidates are shared out anew where one rank has nearly all."""
+    finds: candidates are shared out anew where one rank has nearly all; what does not move is kept once for all ranks in the midst."""
     x, y = np.meshgrid(np.arange(21.0), np.arange(21.0), indexing="ij")
     corner = (21 * np.arange(20)[:, None] + np.arange(20)).ravel()
     up = corner[:, None] + [0, 21, 22, 1]
     below, above = ContactSurface(up, np.zeros(400, dtype=np.int64)), ContactSurface(441 + up[:, ::-1], np.ones(400, dtype=np.int64))
     detector = Detector([SurfacePair(above, below, mu=0.5, alert=0.1)], 882)
     found, cuts = [], []
-    with patch.object(node_to_segment, "SHARED_FROM", 100):
+    with patch.object(node_to_segment, "SHARED_FROM", 100), patch.object(tasks, "KEPT_FROM", 4096):
         for k, far in enumerate((99.0, 99.0, 12.0, 12.0, 6.0, 6.0, 99.0, 99.0)):
+            if k == 3:
+                detector.keep_in_common()
+                (method,) = detector.methods
+                assert isinstance(method, NodeToSegment)
+                kept = method.known.facets.closed, method.slaves.closed, method.masters.nodes, method.topology.vertex, method.known.corners
+                assert all(in_common(array) == (world is not None) for array in kept)
             z = np.where(x > far, 5.0, 0.01 * np.sin(x + k))
             positions = np.concatenate([np.stack([x, y, 0 * z], axis=2), np.stack([x + 0.1, y + 0.2, z], axis=2)]).reshape(-1, 3)
             contacts = detector(positions)

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from fcsim.linear._front_kernels import dot
+from fcsim.linear._front_kernels import dot, extend_add
 from fcsim.solvers.newton.systems.two_level._joint_kernels import put
 
 
@@ -51,6 +51,8 @@ def eliminate(tree, which, indptr, indices, mirror, S, changed, top, values, com
         place[order[i]] = i
     waiting, begins, count = np.empty(len(which), dtype=np.int64), np.empty(len(which), dtype=np.int64), 0
     anew = np.empty(len(which), dtype=np.bool_)  # of those that wait for their parents
+    work, none = _work(first, starts, which, k), np.int64(0)  # as in `fcsim.linear._front_kernels.extend_add`
+    of_top = np.empty((0, 0))
     for f in which:
         border = rows[starts[f] : starts[f + 1]]
         own = first[f + 1] - first[f]
@@ -64,18 +66,24 @@ def eliminate(tree, which, indptr, indices, mirror, S, changed, top, values, com
                 local[first[f] + i] = i
             for i in range(len(border)):
                 local[border[i]] = own + i
-            F = np.zeros((n + b, n + b))
-            _fill_front(f, order, first, place, local, indptr, indices, mirror, S, F)
+            F11, F12, F21, left, product = work[0][: n * n], work[1][: n * b], work[2][: n * b], work[3][: n * b], work[4][: b * b]
+            F22 = complements[begin:end]
+            for part in (F11, F12, F21, F22):
+                part[:] = 0
+            parts = F11.reshape(n, n), F12.reshape(n, b), F21.reshape(b, n), F22.reshape(b, b)
+            _fill_front(f, order, first, place, local, indptr, indices, mirror, S, parts)
             for c in range(count - 1, children - 1, -1):
                 below = rows[starts[waiting[c]] : starts[waiting[c] + 1]]
                 size = len(below) * k
-                extend_add(complements[begins[c] : begins[c] + size * size].reshape(size, size), local[below], k, F)
-            inverse, right = np.linalg.inv(np.ascontiguousarray(F[:n, :n])), np.ascontiguousarray(F[:n, n:])
-            left = np.dot(np.ascontiguousarray(F[n:, :n]), inverse)
-            put(left.ravel(), values, at)
+                extend_add(complements[begins[c] : begins[c] + size * size].reshape(size, size), local[below], own, k, *parts)
+            inverse = np.linalg.inv(parts[0])
+            np.dot(parts[2], inverse, left.reshape(b, n))
+            np.dot(left.reshape(b, n), parts[1], product.reshape(b, b))
+            for e in range(b * b):
+                F22[e] -= product[e]
+            put(left, values, at)
             put(inverse.ravel(), values, at + b * n)
-            put(right.ravel(), values, at + b * n + n * n)
-            put((F[n:, n:] - np.dot(left, right)).ravel(), complements, begin)
+            put(F12, values, at + b * n + n * n)
             local[first[f] : first[f + 1]] = -1
             for i in range(len(border)):
                 local[border[i]] = -1
@@ -85,10 +93,21 @@ def eliminate(tree, which, indptr, indices, mirror, S, changed, top, values, com
         at += n * (n + 2 * b)
         count = children
         if b and top[border[0]] >= 0:  # and so are the others, which follow
-            extend_add(complements[begin:end].reshape(b, b), top[border], k, T)
+            extend_add(complements[begin:end].reshape(b, b), top[border], none, k, of_top, of_top, of_top, T)
         elif b:
             waiting[count], begins[count], anew[count] = f, begin, is_anew
             count += 1
+
+
+@njit(cache=True, nogil=True)
+def _work(first, starts, which, k):
+    """Memory for the largest front's F11, F12, F21, F21 F11^-1 and F21 F11^-1 F12: to ask for what each front takes costs a large one as
+    much as its products do."""
+    n, b, nb = 0, 0, 0
+    for f in which:
+        own, border = k * (first[f + 1] - first[f]), k * (starts[f + 1] - starts[f])
+        n, b, nb = max(n, own), max(b, border), max(nb, own * border)
+    return np.empty(n * n), np.empty(nb), np.empty(nb), np.empty(nb), np.empty(b * b)
 
 
 @njit(cache=True, nogil=True)
@@ -102,31 +121,24 @@ def _has_changed(f, order, first, place, indptr, indices, mirror, changed):
 
 
 @njit(cache=True, nogil=True)
-def _fill_front(f, order, first, place, local, indptr, indices, mirror, S, F):
-    """Write the blocks of the front f's own rows and columns to F; local: the numbers of its places in it, -1 of others."""
+def _fill_front(f, order, first, place, local, indptr, indices, mirror, S, parts):
+    """Write the blocks of the front f's own rows and columns to its parts F11, F12, F21; local: the numbers of its places in it, -1 of
+    others."""
+    F11, F12, F21, _ = parts
     own, k = first[f + 1] - first[f], S.shape[1]
     for i in range(own):
         row = order[first[f] + i]
         for e in range(indptr[row], indptr[row + 1]):
             j = local[place[indices[e]]]
-            if j >= 0:
-                for p in range(k):
-                    for q in range(k):
-                        F[i * k + p, j * k + q] = S[e, p, q]
-                        if j >= own:
-                            F[j * k + p, i * k + q] = S[mirror[e], p, q]
-
-
-@njit(cache=True, nogil=True)
-def extend_add(complement, to, k, F):
-    """Add the blocks (k, k) of a complement to the rows and columns `to` of F."""
-    for i in range(len(to)):
-        for p in range(k):
-            row, source = F[to[i] * k + p], complement[i * k + p]
-            for j in range(len(to)):
-                column = to[j] * k
+            if j < 0:
+                continue
+            for p in range(k):
                 for q in range(k):
-                    row[column + q] += source[j * k + q]
+                    if j < own:
+                        F11[i * k + p, j * k + q] = S[e, p, q]
+                    else:
+                        F12[i * k + p, (j - own) * k + q] = S[e, p, q]
+                        F21[(j - own) * k + p, i * k + q] = S[mirror[e], p, q]
 
 
 @njit(cache=True, nogil=True)

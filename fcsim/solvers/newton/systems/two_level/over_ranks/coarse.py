@@ -78,6 +78,10 @@ class CoarseFactor:
         self.take(S, np.ones(len(S), dtype=bool))
         self._fronts = self._values, k * pattern.sizes, k * pattern.firsts, dofs_of(pattern.borders, k)
         self._of_top, self._told = dofs_of(pattern.places, k), dofs_of(pattern.told[world.number], k)
+        # of all solutions: memory that is new for each one takes as long as T's factors do
+        self._x, self._solution = np.empty(k * len(pattern.top), dtype=dtype), np.zeros((len(pattern.top), k), dtype=np.float32)
+        self._given, self._total = np.empty(len(self._told), dtype=np.float32), np.empty(len(self._of_top))
+        self._sent = np.empty(0, dtype=np.float32)
         self._counts = [k * len(places) for places in pattern.told]
         self._order = dofs_of(pattern.tree[0], k)  # of c, in the order of elimination
         known = np.concatenate([pattern.by_rank[world.number], pattern.places])
@@ -104,23 +108,22 @@ class CoarseFactor:
 
     def solve(self, c: NDArray[np.float32], z: NDArray[np.float32], guests: Guests) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
         """S^-1 c (n, k) on this rank's bodies, those between ranks, and those that it wants, for c the sum of what the ranks have; and what
-        they have told one another of their z (contacts, d), where `guests` finds it."""
+        they have told one another of their z (contacts, d), where `guests` finds it. The former holds until the next one."""
         world, top = self._pattern.world, len(self._of_top)
-        solution, x, total = np.zeros_like(c), np.empty(c.size, dtype=self._values.dtype), np.empty(top)
-        numbers, every, told = solution.reshape(-1), np.empty(0, dtype=np.float32), np.empty(len(self._told), dtype=np.float32)
-        lengths = guests.lengths(2 * top)
-        sent = np.empty(lengths[world.number], dtype=np.float32)
-        left = sent[: 2 * top].view(np.float64)
-        kernels.eliminated(c.reshape(-1), self._order, self._fronts, self._of_top, z, guests.rows, x, left, sent[2 * top :])
+        numbers, every, lengths = self._solution.reshape(-1), np.empty(0, dtype=np.float32), guests.lengths(2 * top)
+        if len(self._sent) != lengths[world.number]:
+            self._sent = np.empty(lengths[world.number], dtype=np.float32)
+        left, x, total = self._sent[: 2 * top].view(np.float64), self._x, self._total
+        kernels.eliminated(c.reshape(-1), self._order, self._fronts, self._of_top, z, guests.rows, x, left, self._sent[2 * top :])
         if top:
-            every = world.gathered(sent, lengths)
+            every = world.gathered(self._sent, lengths)
             wide, begin = every.view(np.float64), 0
             total[:] = 0.0
             for length in lengths:
                 total += wide[begin : begin + top]
                 begin += length // 2
             total = sla.lapack.dgetrs(self._lu, self._pivots, total, trans=1, overwrite_b=True)[0]
-        kernels.solved(self._fronts, x, self._of_top, total, *self._known, self._told, numbers, told)
+        kernels.solved(self._fronts, x, self._of_top, total, *self._known, self._told, numbers, self._given)
         if top:
-            numbers[self._heard] = world.gathered(told, self._counts)
-        return solution, every
+            numbers[self._heard] = world.gathered(self._given, self._counts)
+        return self._solution, every
