@@ -184,13 +184,7 @@ def test_siconos_reads_every_storage_as_it_is_meant() -> None:
             assert configuration in siconos.configurations
             reply = siconos.request(configuration=configuration[0], storage=configuration[1], tol=1e-13, limit=10.0)
             np.testing.assert_allclose(reply["r"], ours, atol=1e-9)
-<<<<<<< HEAD
         cut = siconos.request(configuration="VI_EG", storage="block", tol=0.0, limit=0.3)  # never met: it is ended
-=======
-        cut = siconos.request(
-            configuration="VI_EG", storage="block", tol=0.0, limit=0.3
-        )  # its error stays above: it goes on until it is ended
->>>>>>> 2f9e9f47cfa78af7617bed7310fee80911ab91e1
         assert cut["status"] == "time limit" and "r" not in cut
     with siconos_client.siconos_on(FclibProblem("block", "global", sliding_block()), SYSTEM_PYTHON) as siconos:
         reply = siconos.request(configuration="GLOBAL NSGS_WR", storage="global", tol=1e-12, limit=10.0)

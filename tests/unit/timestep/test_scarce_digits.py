@@ -1,4 +1,4 @@
-"""Statics whose tolerance, relative to how far bodies would fly without contact, is next to round-off: a run says so, with the eta to take."""
+"""Statics whose tolerance, relative to how far bodies would fly without contact, is next to round-off: said, with the eta to take."""
 
 from __future__ import annotations
 
