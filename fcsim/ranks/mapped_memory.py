@@ -69,6 +69,7 @@ class CommonMemory:
         """exchange: by which ranks meet."""
         self._number, self._size, self._exchange = number, size, exchange
         self._blocks: list[_Block | None] = []
+        self._of_size: dict[int, list[int]] = {}  # their numbers: to look through all of them for each array takes longer than to meet
         self._free = 0  # which blocks nobody has, as of the last meeting
         self._released = 0  # which blocks this rank has let go of
         self._let_go: list[int] = []  # and since then, on any thread
@@ -108,8 +109,8 @@ class CommonMemory:
 
     def _place_of(self, size: int) -> int | None:
         """A block of the size that nobody has."""
-        for place, block in enumerate(self._blocks):
-            if block is not None and block.size == size and self._free >> place & 1:
+        for place in self._of_size.get(size, ()):
+            if self._free >> place & 1:
                 return place
         empty = next((place for place, block in enumerate(self._blocks) if block is None), len(self._blocks))
         if empty == MOST:
@@ -119,12 +120,14 @@ class CommonMemory:
         if block is None:
             return None
         self._blocks[empty : empty + 1] = [block]
+        self._of_size.setdefault(size, []).append(empty)
         return empty
 
     def _return_idle(self) -> None:
         for place, block in enumerate(self._blocks):
             if block is not None and self._free >> place & 1 and block.used < self._meetings - IDLE:
                 self._blocks[place] = None
+                self._of_size[block.size].remove(place)
                 self._free &= ~(1 << place)
 
     def _mapped(self, size: int) -> _Block | None:

@@ -58,24 +58,24 @@ def gmres_over_ranks(
     beta = math.sqrt(float(ranks.summed(np.array([rhs[:own] @ rhs[:own]]))[0]))
     if beta == 0:
         return np.zeros(own), np.empty(0)
-    basis = _Basis(len(rhs))
+    basis = _Basis(len(rhs), limit)
     square = basis.append(rhs, beta, own)
     steps: list[NDArray[np.floating]] = []
     small = LeastSquares(beta)
     for j in range(limit):
         steps.append(precondition(basis.last))
         share = product(steps[-1])
-        w, whole, along = ranks.joined(share, np.append(basis.along(share[:shared]), square))
-        basis.squares.append(float(along[-1]))
-        column = along[:-1] / basis.squares
+        w, whole, along = ranks.joined(share, basis.along(share[:shared], square))
+        basis.squares[j], along = along[-1], along[:-1]
+        column = along / basis.squares[: j + 1]
         basis.take_from(w, column)
-        left_of_it = whole - float(column @ along[:-1])  # its square, by Pythagoras
+        left_of_it = whole - float(column @ along)  # its square, by Pythagoras
         if not math.isfinite(left_of_it):
             return None
         if left_of_it > CANCELLED**2 * whole:
             size = math.sqrt(left_of_it)
         else:
-            again = ranks.summed(basis.along(w[:own])) / basis.squares
+            again = ranks.summed(basis.along(w[:own])) / basis.squares[: j + 1]
             basis.take_from(w, again)
             column = column + again
             size = math.sqrt(float(ranks.summed(np.array([w[:own] @ w[:own]]))[0]))
@@ -96,9 +96,9 @@ class _Basis:
     """V (j, k): vectors of which each rank has a part, in single precision, in which the preconditioner takes them: half of what an
     iteration reads. In blocks, so that nothing is moved where it grows."""
 
-    def __init__(self, size: int) -> None:
+    def __init__(self, size: int, most: int) -> None:
         self._size, self._count = size, 0
-        self.squares: list[float] = []  # of the vectors' lengths, which are 1 to round-off
+        self.squares = np.empty(most)  # of the vectors' lengths, which are 1 to round-off, as they are known
         self._blocks: list[NDArray[np.float32]] = []
 
     def append(self, w: FloatArray, size: float, own: int) -> float:
@@ -117,10 +117,13 @@ class _Basis:
         for k, block in enumerate(self._blocks):
             yield block[: self._count - k * GROWTH]
 
-    def along(self, w: FloatArray) -> FloatArray:
-        """V w (j,) by the first entries of the vectors, as many as w has."""
-        given = w.astype(np.float32)
-        return np.concatenate([part[:, : len(w)] @ given for part in self._parts()]).astype(np.float64)
+    def along(self, w: FloatArray, *more: float) -> FloatArray:
+        """V w (j,) by the first entries of the vectors, as many as w has, and after it `more`."""
+        found, given = np.empty(self._count + len(more)), w.astype(np.float32)
+        for k, part in enumerate(self._parts()):
+            found[k * GROWTH : k * GROWTH + len(part)] = part[:, : len(w)] @ given
+        found[self._count :] = more
+        return found
 
     def take_from(self, w: FloatArray, y: FloatArray) -> None:
         """Replace w (k,) by w - V^T y."""
