@@ -29,6 +29,9 @@ FREE = 1e-6
 TOUCHES = 1e-6
 """Of the smaller body's size: what ends a step nearer may press."""
 
+MOST = 1e5
+"""Entries of the rows of two bodies' links up to which what they hold is asked: wide surfaces that are tied have more."""
+
 PRESSED = 1e-3
 """Of the smaller body's size: supports that drive parts deeper into each other contradict the contact. It is wider than round-off, since
 driven facets stand for curved surfaces."""
@@ -86,20 +89,21 @@ def held_by_links(model: Model, linkage: Linkage, x: FloatArray, H: sp.sparray, 
     size = proportions.size[len(model.deformable) :, None]
     model.rigid_part(weight)[:, model.dimension :] /= np.where(size > 0, size, 1.0)
     G = linkage.matrix(linkage.rows(x), x, balanced=False)[:, kept]
-    normals = sp.csr_array(H)[:, :: contacts.dimension]
+    normals = sp.csc_array(H)[:, :: contacts.dimension]
     if model.axes_matrix is not None:
         G, normals = model.axes_matrix @ G, model.axes_matrix @ normals
     free = np.zeros(model.n_dofs)
     free[model.free_dofs] = weight[model.free_dofs]
     G, normals = sp.csc_array(sp.diags_array(free) @ G), sp.csc_array(sp.diags_array(free) @ normals)
-    bodies = np.searchsorted(model.dof_offset, np.arange(model.n_dofs), side="right") - 1
-    first, last = _ends(G, bodies)
-    linked = np.isin(pairs, np.setdiff1d([first, last], -1)).any(axis=1) & (contacts.identity < CABLES)
-    for a, b in np.unique(pairs[linked], axis=0).tolist():
-        rows = np.flatnonzero(np.isin(first, (a, b)) & np.isin(last, (a, b)))
-        between = np.flatnonzero(linked & np.all(pairs == (a, b), axis=1))
-        if len(rows):
-            held[between] = _sums_of(sp.csc_array(G[:, rows]), sp.csc_array(normals[:, between]))
+    first, last = _ends(G, np.searchsorted(model.dof_offset, np.arange(model.n_dofs), side="right") - 1)
+    count = len(model.bodies)
+    of_row = np.where(first >= 0, first * count + last, -1)
+    own = pairs[:, [0, 1, 0]] * count + pairs[:, [0, 1, 1]]  # of rows of one of both bodies beside what does not move, or of both
+    linked = np.isin(own, of_row).any(axis=1) & (contacts.identity < CABLES)
+    for numbers in np.unique(own[linked], axis=0):
+        between = np.flatnonzero(linked & (own == numbers).all(axis=1))
+        rows = np.flatnonzero(np.isin(of_row, numbers))
+        held[between] = _sums_of(sp.csc_array(G[:, rows]), sp.csc_array(normals[:, between]))
     return held
 
 
@@ -118,6 +122,8 @@ def _ends(G: sp.csc_array, bodies: IntArray) -> tuple[IntArray, IntArray]:
 def _sums_of(G: sp.csc_array, normals: sp.csc_array) -> BoolArray:
     """Which columns (k,) of normals (n, k) are sums of the columns of G (n, p), to `FREE`; not those that are zero."""
     dofs = np.unique(G.indices)
+    if len(dofs) * G.shape[1] > MOST:
+        return np.zeros(normals.shape[1], dtype=bool)
     inside = normals[dofs].toarray()
     whole = np.asarray(normals.multiply(normals).sum(axis=0)).ravel()
     basis, sizes, _ = np.linalg.svd(G[dofs].toarray(), full_matrices=False)

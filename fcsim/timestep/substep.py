@@ -35,6 +35,7 @@ from fcsim.timestep.step_equation.end_velocity import turning_impulse
 from fcsim.timestep.step_equation.equation import Answer, Equation, Past, StepSolver
 from fcsim.timestep.step_equation.linearisation import Linearisation, joined_nodes
 from fcsim.timestep.step_equation.look_ahead.ahead import ROUNDS, borne_at_first, looked_ahead
+from fcsim.timestep.step_equation.loops.heavier import heavier
 from fcsim.timestep.step_equation.penetration import AtEnd, at_end
 from fcsim.timestep.step_equation.sequence import solve_equation
 from fcsim.timestep.step_equation.settling import solve_settled
@@ -220,6 +221,9 @@ class Substep:
             answer, past = solve_settled(equation, solver, past, partial(self._anew, opened.start))
             if kept is not None and past.serving is not None:
                 kept[self.cuts] = past.serving
+            if answer is None and (heavy := heavier(equation, run.system)) is not None:
+                equation = heavy
+                continue
             if answer is None:
                 return None
             result, v, met = answer.result, answer.v, answer.met

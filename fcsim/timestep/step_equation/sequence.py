@@ -25,7 +25,7 @@ from fcsim.timestep.reactions.unanswered import unanswered
 from fcsim.timestep.reactions.warm_start import nearest_start, warm_start
 from fcsim.timestep.step_equation.compliance import StepCompliance
 from fcsim.timestep.step_equation.equation import Answer, Equation, Past, StepSolver
-from fcsim.timestep.step_equation.linearisation import MAX_ITERATIONS, TOLERANCE
+from fcsim.timestep.step_equation.linearisation import TOLERANCE
 from fcsim.timestep.step_equation.linked_compliance import LinkedCompliance
 from fcsim.timestep.step_equation.loops.mixing import Mixing
 from fcsim.timestep.step_equation.loops.one_loop import FollowedLoad, follows, solve_followed
@@ -52,7 +52,7 @@ def _solved(equation: Equation, solver: StepSolver, past: Past) -> tuple[Answer 
     newton = _newton_begins(lead.solver if lead.steps else settings.name, past.serving)
     compliance = _beginning(equation, method(settings.name), first=not lead.steps, late=newton)
     term, mixing, start, r = elastic.term(elastic.first) - elastic.push(elastic.first), Mixing(), None, np.empty(0)
-    for _ in range(MAX_ITERATIONS):
+    for _ in range(elastic.iterations):
         load = equation.rest - term
         problem = equation.problem(load)
         reduction = Reduction(problem, compliance)
@@ -103,7 +103,7 @@ def _solved(equation: Equation, solver: StepSolver, past: Past) -> tuple[Answer 
         term = mixing.next_point(elastic.of_dofs(allowed))
         clock.lap("assembly")
     apart, why = TOLERANCE * float(change.max()), "" if equation.scheme.timing.moving else LOOSE
-    attempts.append(Attempt("turning bodies", FREE, "did not settle", apart, MAX_ITERATIONS, equation.share, TOLERANCE, why=why))
+    attempts.append(Attempt("turning bodies", FREE, "did not settle", apart, elastic.iterations, equation.share, TOLERANCE, why=why))
     return None, past
 
 
