@@ -154,9 +154,9 @@ def each_place_once(
     end = (edges.place > 0.5).astype(np.int64)
     row, side = np.nonzero((edges.place == end) & faces.goes_on[edges.edges, end])
     vertex, other = skin.edges[edges.edges[row, side], end[row, side]], edges.edges[row, 1 - side]
-    within = np.nonzero(np.isin(edges.edges, faces.within))
-    around = skin.facets[skin.edge_facets[edges.edges[within]]].reshape(-1, 8)
-    vertices = vertices.take(~_on_slopes(skin, shape, vertices, edges, *within, around))
+    inner, which = np.nonzero(np.isin(edges.edges, faces.within))
+    around = skin.facets[skin.edge_facets[edges.edges[inner, which]]].reshape(-1, 8)
+    vertices = vertices.take(~_on_slopes(skin, shape, vertices, edges, inner, which, around))
     vertices = vertices.take(~_on_slopes(skin, shape, vertices, edges, row, side, vertex[:, None]))
     body = skin.vertex_body[skin.edges[other, 0]]
     held = np.isin(vertex * skin.n_bodies + body, vertices.vertex * skin.n_bodies + skin.facet_body[vertices.facet])

@@ -52,7 +52,7 @@ def face_edges(skin: Skin, reference: Shape, deformable: int) -> FaceEdges:
 def near_edges_across_faces(skin: Skin, shape: Shape, near: NearBodies, faces: FaceEdges) -> IntArray:
     """Rows (edge of the first body, edge of the second, pair), one sharp and long enough for the other one, which is within a face."""
     number = np.flatnonzero(~near.itself)
-    two, sharp = near.take(number), skin.sharp_edges
+    two, sharp = near.take(number), skin.sharp_edges[faces.length[skin.sharp_edges] > faces.longer[faces.within].min()]
     rows = np.concatenate([edges_of_both(skin, shape, two, sharp, faces.within), edges_of_both(skin, shape, two, faces.within, sharp)])
     rows[:, 2] = number[rows[:, 2]]
     is_sharp = skin.sharp[rows[:, :2]]
