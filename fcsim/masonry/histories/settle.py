@@ -140,7 +140,7 @@ def settle(
     free, measure, turned = free_nodes(problem, moving), DeformationMeasure(moving.groups, len(moving.deformable)), False
     for step in _moving(problem, moving, scheme, steps, first.state.x if moving.deformable else None):
         way = moving.node_displacement(step.state.x) - moving.node_displacement(step.previous.x)
-        pace = np.linalg.norm(way, axis=1)[free].max()
+        pace = float(np.linalg.norm(way, axis=1)[free].max())
         falls = pace > _RUNS * reach / steps or (pace > _QUICK * reach / steps and not stands(last.state.x))
         if falls:
             break
