@@ -138,7 +138,7 @@ def settle(
         return _stands(still, problem, replace(scheme, eta=_RUNS / _STILL * scheme.eta), x, _STILL * reach / steps)
 
     free, measure, turned = free_nodes(problem, moving), DeformationMeasure(moving.groups, len(moving.deformable)), False
-    for step in _moving(problem, moving, scheme, steps, first.state.x if moving.deformable else None):
+    for step in _moving(problem, moving, scheme, steps, first.state.x if moving.deformable else None, stands):
         way = moving.node_displacement(step.state.x) - moving.node_displacement(step.previous.x)
         pace = float(np.linalg.norm(way, axis=1)[free].max())
         falls = pace > _RUNS * reach / steps or (pace > _QUICK * reach / steps and not stands(last.state.x))
@@ -189,14 +189,21 @@ def _refuse_fall(problem: MasonryProblem, first: Step, far: float) -> None:
     )
 
 
-def _moving(problem: MasonryProblem, model: Model, scheme: QuasiStatic, steps: int, begin: FloatArray | None) -> Iterator[Step]:
-    """The steps of the way; begin (n_dofs,): the configuration under the loads that stay, None: the reference."""
+def _moving(
+    problem: MasonryProblem, model: Model, scheme: QuasiStatic, steps: int, begin: FloatArray | None, stands: Callable[[FloatArray], bool]
+) -> Iterator[Step]:
+    """The steps of the way; begin (n_dofs,): the configuration under the loads that stay, None: the reference. They end before
+    a step without an answer where the structure does not stand (`stands(x)`): what falls has none in statics."""
+    x = None
     initial = None if begin is None else State(0.0, begin, np.zeros(model.n_dofs))
     detector = Everything(model, problem.friction)
     try:
-        yield from Simulation(model, detector, scheme, steps, _SOLVER, initial=initial, created=np.inf)
+        for step in Simulation(model, detector, scheme, steps, _SOLVER, initial=initial, created=np.inf):
+            x = step.state.x
+            yield step
     except NotConverged as error:
-        raise NotConverged(f"{problem.name!r}, supports moving: {error}") from None
+        if x is None or stands(x):
+            raise NotConverged(f"{problem.name!r}, supports moving: {error}") from None
 
 
 @dataclass(frozen=True)

@@ -78,6 +78,13 @@ def test_a_lintel_falls_where_a_pier_has_gone_from_under_it(dimension: int) -> N
     assert abs(seen.forces["left"][-1, 0]) <= 0.7001 * seen.forces["left"][-1, -1]
 
 
+def test_a_fall_that_statics_have_no_answer_to_is_a_fall() -> None:
+    """An arch that slides as its springings part ended with a step that did not converge."""
+    problem = arch(12, 0.2, 0.4)
+    names = [block.name for block in problem.blocks if block.support]
+    assert settle(problem, [Movement(names[0], (0.3, 0.0, 0.0))], steps=12).falls
+
+
 def test_an_elastic_beam_on_three_supports_gives_their_middle_less_as_it_settles() -> None:
     """Two spans l under w: the middle bears 5 w l / 4 - 6 E I s / l^3 when it has settled by s (S. Timoshenko, "Strength of
     Materials", 1930, the theorem of three moments); with little friction, which holds the beam's lower face."""
