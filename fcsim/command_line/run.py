@@ -104,7 +104,7 @@ def _run(options: argparse.Namespace) -> int:
             announce=bar.say,
             watch=lambda case, step: show_step(bar, case.simulation.steps, step),
         )
-    _print_summary(summary, directory)
+    _print_summary(summary, directory, here)
     return {"finished": EXIT_OK, "not converged": EXIT_NOT_CONVERGED, "failed": EXIT_NOT_CONVERGED}.get(summary.status, EXIT_INTERRUPTED)
 
 
@@ -121,8 +121,8 @@ def _list_parameters(script: CaseScript) -> None:
         say(f"\n{about}")
 
 
-def _print_summary(summary: Summary, directory: Path) -> None:
-    """Print how the run ended, the seconds by phase and where the results are."""
+def _print_summary(summary: Summary, directory: Path, here: Path) -> None:
+    """Print how the run ended, the seconds by phase and where the results are, as seen from `here`."""
     if current().quiet and not summary.converged:
         say(f"{summary.status}: {summary.message}", to_stderr=True)
     if answer({"results": directory, **asdict(summary)}):
@@ -145,7 +145,7 @@ def _print_summary(summary: Summary, directory: Path) -> None:
     if summary.message:
         say(summary.message)
     written = {"run.json": "", "steps.csv": "", "vtk/run.pvd": " for ParaView", "fclib/": ""}
-    there = [name + use for name, use in written.items() if (directory / name).exists()]
+    there = [name + use for name, use in written.items() if (here / directory / name).exists()]
     say(f"results: {directory} ({', '.join(there)})")
     if summary.converged and summary.steps:  # of no step there is nothing to draw
         say(f"pictures, film and plots: fcsim render {shlex.quote(str(directory))}")

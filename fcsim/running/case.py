@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import re
+import shlex
 import traceback
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -228,4 +229,15 @@ def _of_the_script(error: Exception, script: Path) -> Exception:
     if called and (not isinstance(error, ValueError) or any(_PACKAGE in Path(frame.filename).parents for frame in called)):
         return error
     line = frames[own[-1]]
-    return InputError(f"{script}, line {line.lineno}: {line.line}: {type(error).__name__}: {error}")
+    return InputError(f"{script}, line {line.lineno}: {line.line}: {type(error).__name__}: {error}{_beside(error, script)}")
+
+
+def _beside(error: Exception, script: Path) -> str:
+    """What helps where a script imports a module that lies beside it, as `python SCRIPT` would find it."""
+    name = (error.name or "").partition(".")[0] if isinstance(error, ModuleNotFoundError) else ""
+    if not name or not any((script.parent / place).exists() for place in (f"{name}.py", name)):
+        return ""
+    return (
+        f"; it lies beside the script, whose folder is not on Python's path: PYTHONPATH={shlex.quote(str(script.parent.resolve()))} "
+        "before the command finds it (--resume does not see when it changes)"
+    )

@@ -43,6 +43,8 @@ from fcsim.timestep.step import Step
 
 _SHARE = 1e-6  # of the weight: the regularising force of a block that moves as its support does
 _RUNS = 1e3  # times its support's pace: a block that moves so fast falls, by a thousandth of its weight out of balance
+_QUICK = 1.5  # times it: a block that moves so fast may fall from one joint into another, and is looked at with its supports at rest
+_STILL = 0.1  # of a step of its support: by how much a thousandth of its weight out of balance moves a block that is looked at so
 _OPEN = 1e-7  # of the structure's extent
 _SOFT_RUNAWAY = 0.1  # of it: farther than deformable blocks sink under their weight
 STEPS = 100
@@ -131,12 +133,16 @@ def settle(
     rows = [_Row.of(0.0, first, contacts, problem)]
     falls, last = False, first
     moving, _ = structure(problem, blocks, stone, held=_driven(problem, movements))
+
+    def stands(x: FloatArray) -> bool:
+        return _stands(still, problem, replace(scheme, eta=_RUNS / _STILL * scheme.eta), x, _STILL * reach / steps)
+
     free, measure, turned = free_nodes(problem, moving), DeformationMeasure(moving.groups, len(moving.deformable)), False
-    for step in _moving(problem, moving, scheme, steps, first.state.x if moving.deformable else None):
+    for step in _moving(problem, moving, scheme, steps, first.state.x if moving.deformable else None, stands):
         way = moving.node_displacement(step.state.x) - moving.node_displacement(step.previous.x)
-        pace = np.linalg.norm(way, axis=1)[free].max()
-        if pace > _RUNS * reach / steps:
-            falls = True
+        pace = float(np.linalg.norm(way, axis=1)[free].max())
+        falls = pace > _RUNS * reach / steps or (pace > _QUICK * reach / steps and not stands(last.state.x))
+        if falls:
             break
         turned = bool(np.degrees(measure(step.state.x).rotation.max(initial=0.0)) > ROTATION)
         if turned:
@@ -145,7 +151,8 @@ def settle(
         last = step
         rows.append(_Row.of(reach * step.number / steps, step, contacts, problem))
     x = last.state.x
-    if falls and len(rows) > 1 and not _stands(still, problem, scheme, x, _RUNS * reach / steps):
+    falls = falls or not (turned or stands(x))
+    if falls and len(rows) > 1 and not stands(x):
         rows, x = rows[:-1], last.previous.x  # it ran away from a shape that no force holds: the step to it had those of the one before
     names = list(rows[0].forces)
     moved, opening, slip, count = np.array([(row.moved, row.opening, row.slip, row.open_joints) for row in rows]).T
@@ -182,14 +189,21 @@ def _refuse_fall(problem: MasonryProblem, first: Step, far: float) -> None:
     )
 
 
-def _moving(problem: MasonryProblem, model: Model, scheme: QuasiStatic, steps: int, begin: FloatArray | None) -> Iterator[Step]:
-    """The steps of the way; begin (n_dofs,): the configuration under the loads that stay, None: the reference."""
+def _moving(
+    problem: MasonryProblem, model: Model, scheme: QuasiStatic, steps: int, begin: FloatArray | None, stands: Callable[[FloatArray], bool]
+) -> Iterator[Step]:
+    """The steps of the way; begin (n_dofs,): the configuration under the loads that stay, None: the reference. They end before
+    a step without an answer where the structure does not stand (`stands(x)`): what falls has none in statics."""
+    x = None
     initial = None if begin is None else State(0.0, begin, np.zeros(model.n_dofs))
     detector = Everything(model, problem.friction)
     try:
-        yield from Simulation(model, detector, scheme, steps, _SOLVER, initial=initial, created=np.inf)
+        for step in Simulation(model, detector, scheme, steps, _SOLVER, initial=initial, created=np.inf):
+            x = step.state.x
+            yield step
     except NotConverged as error:
-        raise NotConverged(f"{problem.name!r}, supports moving: {error}") from None
+        if x is None or stands(x):
+            raise NotConverged(f"{problem.name!r}, supports moving: {error}") from None
 
 
 @dataclass(frozen=True)

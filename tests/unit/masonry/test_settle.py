@@ -65,6 +65,26 @@ def test_a_block_on_a_support_that_turns_slides_at_the_angle_of_friction() -> No
         assert force[-1] == pytest.approx(0.2 * 2000.0 * G, rel=1e-3)
 
 
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_a_lintel_falls_where_a_pier_has_gone_from_under_it(dimension: int) -> None:
+    """It lies on 0.25 m of each pier and goes with one of them. Past its bearing it wedged between the piers as it fell, which counted as
+    standing: with a step of 15 mm it stood at 300 mm, on the upright face of a pier."""
+    piers = [cuboid(name, (x, 0.0, -1.0), (x + 0.3, 0.2, 0.0), support=True) for name, x in (("left", 0.0), ("right", 1.3))]
+    problem = MasonryProblem("lintel", dimension, (*piers, cuboid("lintel", (0.05, 0.0, 0.0), (1.55, 0.2, 0.3))), 0.7)
+    seen = settle(problem, [Movement("right", (0.3, 0.0, 0.0))], steps=21)
+    step = 0.3 / 21
+    assert seen.falls and 0.25 - step < seen.moved[-1] <= 0.25
+    assert seen.forces["left"][-1, -1] + seen.forces["right"][-1, -1] == pytest.approx(1.5 * 0.2 * 0.3 * 2000.0 * G, rel=1e-3)
+    assert abs(seen.forces["left"][-1, 0]) <= 0.7001 * seen.forces["left"][-1, -1]
+
+
+def test_a_fall_that_statics_have_no_answer_to_is_a_fall() -> None:
+    """An arch that slides as its springings part ended with a step that did not converge."""
+    problem = arch(12, 0.2, 0.4)
+    names = [block.name for block in problem.blocks if block.support]
+    assert settle(problem, [Movement(names[0], (0.3, 0.0, 0.0))], steps=12).falls
+
+
 def test_an_elastic_beam_on_three_supports_gives_their_middle_less_as_it_settles() -> None:
     """Two spans l under w: the middle bears 5 w l / 4 - 6 E I s / l^3 when it has settled by s (S. Timoshenko, "Strength of
     Materials", 1930, the theorem of three moments); with little friction, which holds the beam's lower face."""

@@ -183,3 +183,25 @@ def test_what_build_raises_itself_is_refused_by_its_line(tmp_path: Path, capsys:
     assert main(["run", str(folder), "--out", str(tmp_path / "out")]) == 2
     kind = "AssertionError" if "assert" in line else "RuntimeError"
     assert f"world.py, line 16: {line}: {kind}: too few" in capsys.readouterr().err
+
+
+def test_a_module_beside_the_script_is_named_with_what_finds_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """`python world.py` finds it: a newcomer was told that there is none."""
+    script = Path(world(tmp_path)) / "world.py"
+    script.write_text("from lengths import side\n" + script.read_text())
+    assert main(["run", str(script.parent), "--out", str(tmp_path / "out")]) == 2
+    assert "lies beside" not in capsys.readouterr().err
+    (script.parent / "lengths.py").write_text("side = 1.0\n")
+    assert main(["run", str(script.parent), "--out", str(tmp_path / "out")]) == 2
+    assert f"it lies beside the script, whose folder is not on Python's path: PYTHONPATH={script.parent}" in capsys.readouterr().err
+
+
+def test_a_script_that_goes_elsewhere_is_told_what_was_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Of a relative --out it said `results: out ()`."""
+    monkeypatch.chdir(tmp_path)
+    script = Path(world(tmp_path)) / "world.py"
+    script.write_text(script.read_text().replace("    boxes =", "    import os\n\n    os.chdir('/')\n    boxes ="))
+    assert main(["run", "world", "--out", "out", "--export-every", "0", "--vtk-every", "0"]) == 0
+    assert "results: out (run.json, steps.csv)" in capsys.readouterr().out
