@@ -11,6 +11,7 @@ from fcsim.command_line.terminal import say
 from fcsim.errors import EXIT_OK, InputError
 
 if TYPE_CHECKING:
+    from fcsim.export_fclib import Solution
     from fcsim.masonry import MasonryProblem
 
 OFF = 1e-6
@@ -106,9 +107,7 @@ def _fclib(options: argparse.Namespace) -> int:
     import numpy as np
 
     from fcsim.export_fclib import odd_matrices, read_fclib
-    from fcsim.problem import GlobalProblem, Judge, LocalProblem
-    from fcsim.problem.rolling import GlobalRollingProblem
-    from fcsim.solvers.solve_rolling import rolling_errors
+    from fcsim.problem import LocalProblem
 
     content = read_fclib(options.file)
     problem = content.problem
@@ -137,22 +136,31 @@ def _fclib(options: argparse.Namespace) -> int:
         most = float(np.abs(values := getattr(problem, vector)).max(initial=0.0))
         say(f"  |{vector}|          {most * float(np.linalg.norm(values / (most or 1.0))):.6g}")
     if content.solution is not None:
-        stated = "stored"
-        if isinstance(problem, GlobalProblem | LocalProblem):
-            judge = Judge(problem)
-            scaled, published = judge.scaled_error(content.solution.r), judge.error(content.solution.r)
-            stated += f", error {scaled:.3e} (published: {published:.3e})"
-            answer({"solution": {"scaled_error": scaled, "published_error": published}})
-            off = float(np.linalg.norm(content.solution.u - judge.velocity(content.solution.r))) / (judge.scale or 1.0)
-            if not off <= OFF:
-                stated += f"; the stored u is another one than that of the stored r, by {off:.1e} |q|"
-        elif isinstance(problem, GlobalRollingProblem):
-            scaled, published = rolling_errors(problem, content.solution.r)
-            answer({"solution": {"scaled_error": scaled, "published_error": published}})
-            stated += f", error {scaled:.3e} (published: {published:.3e})"
-        say(f"  solution     {stated}")
+        say(f"  solution     stored{_judged(problem, content.solution)}")
     if content.guesses:
         say(f"  guesses      {len(content.guesses)}")
     for remark in odd_matrices(problem):
         say(f"  note: {remark}")
     return EXIT_OK
+
+
+def _judged(problem: object, solution: Solution) -> str:
+    """The errors of a stored solution, and whether its u is that of its r, as what is said of it; nothing of problems without an error."""
+    import numpy as np
+
+    from fcsim.problem import GlobalProblem, Judge, LocalProblem
+    from fcsim.problem.rolling import GlobalRollingProblem
+    from fcsim.solvers.solve_rolling import rolling_errors
+
+    off = 0.0
+    if isinstance(problem, GlobalProblem | LocalProblem):
+        judge = Judge(problem)
+        scaled, published = judge.scaled_error(solution.r), judge.error(solution.r)
+        off = float(np.linalg.norm(solution.u - judge.velocity(solution.r))) / (judge.scale or 1.0)
+    elif isinstance(problem, GlobalRollingProblem):
+        scaled, published = rolling_errors(problem, solution.r)
+    else:
+        return ""
+    answer({"solution": {"scaled_error": scaled, "published_error": published}})
+    another = "" if off <= OFF else f"; the stored u is another one than that of the stored r, by {off:.1e} |q|"
+    return f", error {scaled:.3e} (published: {published:.3e}){another}"

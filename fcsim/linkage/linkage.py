@@ -249,13 +249,8 @@ def _found(model: Model, link: Link) -> _Points | _Surfaces:
     return _points(model, link)
 
 
-def _points(model: Model, link: Jointed) -> _Points:
-    """The link's points: at each of its places the first body's and the second's, of rods, cables and springs one at each end."""
-    what = f"{type(link).__name__} {link.name!r}"
-    if isinstance(link, Control):
-        return _controlled(model, link, what)
-    if isinstance(link, Hinge) and model.dimension == 2:
-        raise InputError(f"{what}: expected a model in 3D, in 2D a Ball is a pin")
+def _places(model: Model, link: Ball | Hinge | Slider | Rod | Cable | SpringDamper, what: str) -> list[FloatArray]:
+    """The places (d,) [m] that the link names, checked with its bodies."""
     for body in (link.first, link.second):
         if body is not None:
             model.body_number(body)  # refuses unknown names
@@ -271,6 +266,17 @@ def _points(model: Model, link: Jointed) -> _Points:
         off = np.linalg.norm(np.cross(places[1] - places[0], places[2] - places[0])) if model.dimension == 3 else 0.0
         if not off > 1e-9 * np.linalg.norm(places[1] - places[0]) ** 2:
             raise InputError(f"{what}: expected a place beside the line, in 3D, got {places[2].tolist()}")
+    return places
+
+
+def _points(model: Model, link: Jointed) -> _Points:
+    """The link's points: at each of its places the first body's and the second's, of rods, cables and springs one at each end."""
+    what = f"{type(link).__name__} {link.name!r}"
+    if isinstance(link, Control):
+        return _controlled(model, link, what)
+    if isinstance(link, Hinge) and model.dimension == 2:
+        raise InputError(f"{what}: expected a model in 3D, in 2D a Ball is a pin")
+    places = _places(model, link, what)
     if isinstance(link, Rod | Cable | SpringDamper):
         held = [(link.first, places[0]), (link.second, places[1])]
     else:

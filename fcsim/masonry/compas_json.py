@@ -73,20 +73,25 @@ def read_compas(content: object, where: str, mu: float | None, density: float | 
     if density is not None and all(solid.density for solid in solids if not solid.support):
         raise InputError(f"{where}, density: expected it with blocks whose file has none; this one says it of every block that is free")
     solids = [replace(solid, points=_scaled(solid, scale, where)) for solid in solids]
-    loads: list[Acceleration | PointForce] = []
-    title, gravity = "", GRAVITY
+    title, loads, gravity = "", list[Acceleration | PointForce](), GRAVITY
     if posed:
         problem = data_of(posed[0], f"{where}, problem")
         title = f"{problem.get('name') or 'problem'}" + (f", the first of {len(posed)} problems" if len(posed) > 1 else "")
         mu = friction_of(problem, where) if mu is None else mu
-        if any(data_of(group, where).get("displacements") for group in problem.get("boundary_conditions") or []):
-            raise InputError(f"{where}, boundary conditions: expected loads alone, got prescribed displacements: see `fcsim.compas.solve`")
-        gravity, loads = loads_of(problem, {solid.name: solid for solid in solids}, where)
-        if loads and scale not in (None, 1.0):
-            raise InputError(f"{where}, scale: expected a problem with loads to be in SI units, got scale {scale}")
+        gravity, loads = _loads(problem, solids, scale, where)
     blocks = tuple(solid.block(density or DENSITY) for solid in solids)
     every = (Acceleration((0.0, 0.0, -gravity)), *loads)
     return MasonryProblem("COMPAS", 3, blocks, 0.6 if mu is None else mu, loads=every, title=title)
+
+
+def _loads(problem: Record, solids: Sequence[Solid], scale: float | None, where: str) -> tuple[float, list[Acceleration | PointForce]]:
+    """Gravity [m/s^2] and the loads of a problem; InputError for prescribed displacements, and for loads in other units than SI."""
+    if any(data_of(group, where).get("displacements") for group in problem.get("boundary_conditions") or []):
+        raise InputError(f"{where}, boundary conditions: expected loads alone, got prescribed displacements: see `fcsim.compas.solve`")
+    gravity, loads = loads_of(problem, {solid.name: solid for solid in solids}, where)
+    if loads and scale not in (None, 1.0):
+        raise InputError(f"{where}, scale: expected a problem with loads to be in SI units, got scale {scale}")
+    return gravity, loads
 
 
 def _scaled(solid: Solid, scale: float | None, where: str) -> FloatArray:

@@ -139,6 +139,13 @@ class MasonryProblem:
         for name in named:
             if name not in names:
                 raise InputError(f"{what}: expected the name of a block, got {name!r}")
+        self._check_loads(what)
+        self._check_shaking(what)
+        for name in self.motion:
+            if not self.blocks[names.index(name)].support:
+                raise InputError(f"{what}, support_motion: expected a support, got the free block {name!r}")
+
+    def _check_loads(self, what: str) -> None:
         for load in self.loads:
             for vector in (load.value, getattr(load, "point", None), getattr(load, "moment", None)):
                 if vector is not None and not is_vector(vector, 3):
@@ -148,6 +155,8 @@ class MasonryProblem:
                 raise InputError(f"{what}, load: expected a moment about y alone in a plane problem, got {(x, y, z)}")
             if self.dimension == 2 and load.value[1] != 0:
                 raise InputError(f"{what}, load: expected no component along y in a plane problem, got {load.value}")
+
+    def _check_shaking(self, what: str) -> None:
         for shake in self.shaking:
             way = shake.direction
             if not (is_vector(way, 3) and 0 < np.linalg.norm(way) < np.inf) or (self.dimension == 2 and way[1] != 0):
@@ -159,9 +168,6 @@ class MasonryProblem:
                     f"{what}, base_acceleration: expected times >= 0, since simulations begin at t = 0, got {shake.record.times[0]:g} s: "
                     "shift them (AccelerationRecord.delayed)"
                 )
-        for name in self.motion:
-            if not self.blocks[names.index(name)].support:
-                raise InputError(f"{what}, support_motion: expected a support, got the free block {name!r}")
 
     @cached_property
     def number(self) -> dict[str, int]:

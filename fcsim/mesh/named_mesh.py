@@ -155,6 +155,28 @@ def _names(names: Iterable[str]) -> str:
     return ", ".join(repr(name) for name in names) or "none"
 
 
+def _type_of_cells(source: str, points: FloatArray, blocks: Sequence[Block]) -> str:
+    """The one type of the cells of the highest dimension; InputError for other kinds than `CELL_TYPES`, several, none, or a surface in
+    space."""
+    types = list(dict.fromkeys(block.cell_type for block in blocks))
+    if unknown := [t for t in types if t not in CELL_TYPES and t not in ("line", "line3", "vertex")]:
+        raise InputError(
+            f"{source}: expected cells of first or full second order ({', '.join(CELL_TYPES)}), got {', '.join(unknown)}: prisms, pyramids "
+            "and cells without middle nodes of their faces (gmsh: Mesh.SecondOrderIncomplete = 0) are not supported"
+        )
+    known = [t for t in types if t in CELL_TYPES]
+    dimension = max((CELL_TYPES[t].dimension for t in known), default=0)
+    cell_types = [t for t in known if CELL_TYPES[t].dimension == dimension]
+    _check_numbers(source, points, blocks)
+    planar = dimension == 2 and (points.shape[1] == 2 or np.ptp(points[:, 2]) <= 1e-12 * np.ptp(points[:, :2], axis=0).max())
+    if dimension == 0 or (dimension == 2 and not planar):
+        got = "a surface mesh in space" if dimension else "none" + (f" but {', '.join(types)}" if types else "")
+        raise InputError(f"{source}: expected volume cells (or, in 2D, cells in a plane z = const), got {got}")
+    if len(cell_types) > 1:
+        raise InputError(f"{source}: expected cells of one type, got a mixture of {' and '.join(cell_types)}")
+    return cell_types[0]
+
+
 def named_mesh(
     source: str, points: FloatArray, blocks: Sequence[Block], *, plane: Literal["strain", "stress"] = "strain", thickness: float = 1.0
 ) -> NamedMesh:
@@ -164,26 +186,9 @@ def named_mesh(
     one type, and where there are no volume cells.
     """
     blocks = [block for block in blocks if len(block.elements)]
-    types = list(dict.fromkeys(block.cell_type for block in blocks))
-    if unknown := [t for t in types if t not in CELL_TYPES and t not in ("line", "line3", "vertex")]:
-        raise InputError(
-            f"{source}: expected cells of first or full second order ({', '.join(CELL_TYPES)}), got {', '.join(unknown)}: prisms, pyramids "
-            "and cells without middle nodes of their faces (gmsh: Mesh.SecondOrderIncomplete = 0) are not supported"
-        )
-    cell_types = [t for t in types if t in CELL_TYPES]
-    dimension = max((CELL_TYPES[t].dimension for t in cell_types), default=0)
-    cell_types = [t for t in cell_types if CELL_TYPES[t].dimension == dimension]
     points = np.asarray(points, dtype=float)
-    _check_numbers(source, points, blocks)
-    planar = dimension == 2 and (points.shape[1] == 2 or np.ptp(points[:, 2]) <= 1e-12 * np.ptp(points[:, :2], axis=0).max())
-    if dimension == 0 or (dimension == 2 and not planar):
-        got = "a surface mesh in space" if dimension else "none" + (f" but {', '.join(types)}" if types else "")
-        raise InputError(f"{source}: expected volume cells (or, in 2D, cells in a plane z = const), got {got}")
-    if len(cell_types) > 1:
-        raise InputError(f"{source}: expected cells of one type, got a mixture of {' and '.join(cell_types)}")
-    cell_type = cell_types[0]
-    facet_type = CELL_TYPES[cell_type].facet_type
-
+    cell_type = _type_of_cells(source, points, blocks)
+    dimension, facet_type = CELL_TYPES[cell_type].dimension, CELL_TYPES[cell_type].facet_type
     volumes = _by_group([block for block in blocks if block.cell_type == cell_type])
     named = [block for block in blocks if block.group != UNGROUPED]
     facets = [b for b in named if b.cell_type == facet_type]

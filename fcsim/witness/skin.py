@@ -14,7 +14,7 @@ from fcsim.mesh.cell_type import CELL_TYPES
 from fcsim.mesh.exact_shape import ExactShape
 from fcsim.mesh.facets import match_facets
 from fcsim.mesh.order.linear_facets import linear_facets
-from fcsim.mesh.part import Body, Part, RigidBody
+from fcsim.mesh.part import Body, Part, Placed, RigidBody
 from fcsim.witness._distance_kernels import Forest
 from fcsim.witness._overlap_kernels import refit, with_means
 from fcsim.witness.exact_overlap import ExactBodies, exact_bodies
@@ -234,6 +234,17 @@ def _folding(model: Model, together: Skins, skins: Sequence[Skin]) -> Folding:
     return folding(chosen, vertices, [float(together.size[k]) for k in chosen], together.forest(model.reference), together.modulus)
 
 
+def _triangles(facets: IntArray, middle: IntArray, body: Placed, n: int) -> IntArray:
+    """(t, 3) corners of a body's facets: in 2D two of each segment's strip in space, whose other side has numbers n larger; of facets with
+    four nodes of deformable bodies four about their middle; of others a fan."""
+    if facets.shape[1] == 2:
+        a, b = facets.T
+        return np.concatenate([np.stack([n + a, n + b, 2 * n + b], axis=1), np.stack([n + a, 2 * n + b, 2 * n + a], axis=1)])
+    if isinstance(body, Body) and facets.shape[1] == 4:
+        return np.concatenate([np.stack([facets[:, i], facets[:, (i + 1) % 4], middle], axis=1) for i in range(4)])
+    return _fan(facets)
+
+
 def _joined(model: Model, skins: Sequence[Skin]) -> Skins:
     driven = np.bincount(np.searchsorted(model.dof_offset, model.driven_dofs, side="right") - 1, minlength=len(skins))
     d, n, offset = model.dimension, model.n_nodes, model.node_offset
@@ -257,14 +268,7 @@ def _joined(model: Model, skins: Sequence[Skin]) -> Skins:
             mean[-1] = np.where(mean[-1] < 0, mean[-1][:, :1], mean[-1])
             centres += len(facets)
         vertices.append(np.concatenate([np.unique(facets[facets >= 0]), middle[: len(facets) if flush else 0]]))
-        if d == 2:
-            a, b = facets.T
-            own = np.concatenate([np.stack([n + a, n + b, 2 * n + b], axis=1), np.stack([n + a, 2 * n + b, 2 * n + a], axis=1)])
-        elif isinstance(body, Body) and facets.shape[1] == 4:
-            own = np.concatenate([np.stack([facets[:, i], facets[:, (i + 1) % 4], middle], axis=1) for i in range(4)])
-        else:
-            own = _fan(facets)
-        triangles.append(own)
+        triangles.append(_triangles(facets, middle, body, n))
     counts = np.array([len(t) for t in triangles], dtype=np.int64)
     all_means, corners = np.concatenate([none.reshape(0, 4), *mean]), np.concatenate([none.reshape(0, 3), *triangles])
     where = np.concatenate([model.reference, model.reference[all_means].mean(axis=1)])

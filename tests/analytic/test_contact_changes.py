@@ -104,7 +104,7 @@ def test_drawn_over_an_edge() -> None:
     full = E * 0.4 * 0.001 / 0.2
     changes = {}
     for rule in ("mortar", "nodes"):
-        histories = [drawn_over_the_edge(rule, steps) for steps in (44, 132)]
+        histories = [drawn_over_the_edge(rule, steps) for steps in (33, 99)]
         changes[rule] = [np.abs(np.diff(h[h > 0])).max() / full for h in histories]
         for history in histories:
             assert_allclose(history[0], full, rtol=1e-6)

@@ -36,7 +36,7 @@ def stone_on_floor(dimension, width, height, unit=1.0, **more):
 )
 def test_branch_of_one_block_is_the_tangent(dimension, width, height, unit):
     """Moments about the toe: multiplier = tan(alpha - theta); the centroid has gone R (sin alpha - sin(alpha - theta))."""
-    branch = push_by_displacement(pushed(stone_on_floor(dimension, width, height, unit), (1.0, 0.0, 0.0)), step=4e-3 * height * unit)
+    branch = push_by_displacement(pushed(stone_on_floor(dimension, width, height, unit), (1.0, 0.0, 0.0)), step=8e-3 * height * unit)
     alpha, R = np.arctan2(width, height), 0.5 * unit * np.hypot(width, height)
     left = np.arcsin(np.clip(np.sin(alpha) - branch.displacement / R, -1, 1))  # alpha - theta
     assert_allclose(branch.multiplier, np.tan(left), atol=2e-3 * np.tan(alpha))
@@ -100,7 +100,7 @@ def test_force_at_a_point_goes_with_its_point():
     """A force F at the top edge: F h' = W b' about the toe, with the lever arms of the turned block."""
     weight = 2000.0 * 0.4 * 0.4 * 1.2 * 9.81
     loads = (Acceleration((0.0, 0.0, -9.81)), PointForce("stone", (1.0, 0.0, 0.0), (0.0, 0.2, 1.2), scaled=True))
-    branch = push_by_displacement(stone_on_floor(2, 0.4, 1.2, loads=loads), step=2e-3, to=0.2)
+    branch = push_by_displacement(stone_on_floor(2, 0.4, 1.2, loads=loads), step=4e-3, to=0.2)
     turn = np.arange(0.0, 0.4, 1e-4)
     c, s = np.cos(turn), np.sin(turn)
     gone = (-0.4 * c + 1.2 * s) + 0.4  # of the upper left corner, about the lower right one

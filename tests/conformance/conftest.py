@@ -203,16 +203,6 @@ def rank_deficient(seed: int) -> Reference:
     return Reference(GlobalProblem(sp.eye_array(20), H, -np.abs(rng.standard_normal(20)), np.zeros(36), np.full(12, 0.3)), full_rank=False)
 
 
-@pytest.fixture(params=REGULAR)
-def regular(request: pytest.FixtureRequest) -> Reference:
-    return REGULAR[request.param]()
-
-
-@pytest.fixture(params=HYPERSTATIC)
-def hyperstatic(request: pytest.FixtureRequest) -> Reference:
-    return HYPERSTATIC[request.param]()
-
-
 @pytest.fixture
 def verdict() -> Callable[..., Verdict]:
     return Verdict.of

@@ -77,7 +77,7 @@ def test_the_judge_knows_the_sliding_block() -> None:
     assert problem.error(np.array([np.nan, 0, 0])) == np.inf
 
 
-def test_table_says_what_a_direct_solve_says(tmp_path: Path) -> None:
+def test_table_says_what_a_direct_solve_says(scripts: Any, tmp_path: Path) -> None:
     problems: dict[str, GlobalProblem | LocalProblem] = {"block": sliding_block(), "unsymmetric": unsymmetric_local()}
     folder = tmp_path / "files"
     folder.mkdir()
@@ -87,7 +87,8 @@ def test_table_says_what_a_direct_solve_says(tmp_path: Path) -> None:
     write_fclib(folder / "rolling.hdf5", GlobalRollingProblem(eye, eye, np.zeros(5), np.zeros(5), np.ones(1), np.ones(1)))
     out = tmp_path / "table.md"
     methods = ["--solver", "NSN-NM", "--solver", "NSGS-AC", "--solver", "2D-LEMKE"]
-    run_script("solver_table.py", folder, *methods, "--time-limit", "5", "--out", out)
+    arguments = [str(folder), *methods, "--time-limit", "5", "--out", str(out)]
+    run_script("solver_table.py", *arguments)
     rows, text = rows_of(out.with_suffix(".csv")), out.read_text(encoding="utf-8")
     assert {(row["problem"], row["method"], float(row["tol"])) for row in rows} == {
         (name, method, tol) for name in problems for method in ("NSN-NM", "NSGS-AC") for tol in (1e-4, 1e-8)
@@ -104,7 +105,7 @@ def test_table_says_what_a_direct_solve_says(tmp_path: Path) -> None:
     assert "rolling: left out" in text
     assert str(tmp_path) not in text
     # going on with a complete record measures nothing again
-    run_script("solver_table.py", folder, *methods, "--time-limit", "5", "--out", out, "--resume")
+    assert scripts("solver_table").main([*arguments, "--resume"]) == 0
     assert rows_of(out.with_suffix(".csv")) == rows
 
 
@@ -192,7 +193,7 @@ def test_siconos_reads_every_storage_as_it_is_meant() -> None:
 
 
 @pytest.mark.usefixtures("siconos")
-def test_comparison_with_siconos(tmp_path: Path) -> None:
+def test_comparison_with_siconos(scripts: Any, tmp_path: Path) -> None:
     write_fclib(tmp_path / "unsymmetric.hdf5", unsymmetric_local())
     out = tmp_path / "against.md"
     arguments = ["--solver", "NSN-NM", "--tol", "1e-6", "--time-limit", "1", "--siconos-python", str(SYSTEM_PYTHON), "--out", str(out)]
@@ -206,7 +207,7 @@ def test_comparison_with_siconos(tmp_path: Path) -> None:
     [ours] = [float(row["seconds"]) for row in solved if row["program"] == "fcsim"]
     [line] = [line for line in out.read_text(encoding="utf-8").splitlines() if line.startswith("| unsymmetric |")]
     assert line.split("|")[-2].strip() == line.split("|")[-4].strip() == f"{theirs / ours:.2g}"
-    run_script("against_siconos.py", tmp_path / "unsymmetric.hdf5", *arguments, "--resume")
+    assert scripts("against_siconos").main([str(tmp_path / "unsymmetric.hdf5"), *arguments, "--resume"]) == 0
     assert rows_of(out.with_suffix(".csv")) == rows
 
 

@@ -76,7 +76,7 @@ class ExactContacts:
         refuse_alert("ExactContacts", self.alert)
         radii = solids.radius[solids.radius > 0]
         names = [body.name for body in model.bodies]
-        exclude = excluded_pairs("ExactContacts", model, self.exclude)
+        excluded = excluded_pairs("ExactContacts", model, self.exclude)
         others = np.setdiff1d(np.arange(len(names)), solids.body)
         self._refuse_curved([names[k] for k in others])
         offset = model.node_offset
@@ -89,7 +89,7 @@ class ExactContacts:
             "distance": self.alert if self.alert is not None else _ALERT * float((radii if len(radii) else _half_extents(model)).min()),
             "friction": FrictionTable(self.mu, names),
             "together": moved_together(model, model.held, model.supports),
-            "excluded": np.array(sorted(min(p) * len(names) + max(p) for p in exclude), dtype=np.int64),
+            "excluded": excluded,
             "_meshed_nodes": nodes,
             "_meshed_bodies": others,
         }

@@ -89,13 +89,12 @@ class Everything:
         names = [body.name for body in model.bodies]
         refuse_alert("Everything", self.alert)
         skin = closed_skin(boundary_of(model), model.reference, names)
-        exclude = excluded_pairs("Everything", model, self.exclude)
+        excluded = excluded_pairs("Everything", model, self.exclude)
         if isinstance(self.curved, str):
             raise InputError(f"Everything, curved: expected several names of bodies, got {self.curved!r}: write [{self.curved!r}]")
         if not isinstance(self.smooth, bool):
             raise InputError(f"Everything, smooth: expected True or False, got {self.smooth!r}")
         named = np.isin(np.arange(len(names)), [model.body_number(name) for name in self.curved])
-        excluded = np.array(sorted(min(p) * len(names) + max(p) for p in exclude), dtype=np.int64)
         reference = shape_of(skin, model.reference)
         folding = folding_bodies(skin, reference, [body.part if isinstance(body, Body) else None for body in model.bodies])
         driven = np.bincount(np.searchsorted(model.dof_offset, model.driven_dofs, side="right") - 1, minlength=len(names))

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import replace
+from typing import TypeGuard
 
 import numpy as np
 
@@ -47,15 +48,9 @@ def small(
 
     overridden: whether options differ from the table's; the other arguments are those of `solve`, checked.
     """
-    if overridden or not isinstance(problem, LocalProblem) or not 0 < len(problem.mu) <= CONTACTS:
-        return None
-    if problem.V is not None or not (r is None or isinstance(r, np.ndarray)):
+    if overridden or not _fits(problem, chosen, r):
         return None
     automatically, certified = chosen.run is automatic, None
-    if problem.dimension not in chosen.dimensions:
-        return None
-    if not automatically and not (chosen.run is nsgs and chosen.options == OPTIONS):
-        return None
     q = problem.q
     begun = time.perf_counter()
     start = np.zeros(len(q)) if r is None else r
@@ -89,17 +84,27 @@ def small(
         return None
     cone, dual_cone, penetration, product, r_max, u_max, r_size, u_size = found
     checks = Checks(cone / (r_max or 1.0), dual_cone / (u_max or 1.0), abs(product) / ((r_size * u_size) or 1.0), penetration)
-    remark = ""
+    remarks = []
     if status.solved and (r is not None or not noted or rows[0, 1] * OUTWEIGHED <= tol):  # else r = 0 has an error that counts
-        remark = outweighed(answer, u, q, problem.dimension, plain if error == "published" else scaled, scale, floor, tol)
+        remarks.append(outweighed(answer, u, q, problem.dimension, plain if error == "published" else scaled, scale, floor, tol))
     if status.solved and ROUND_OFF * r_size * W.diagonal().max() * max(1.0, problem.mu.max()) > BLURRED * tol * scale:
-        remark = "; ".join(filter(None, (remark, _blurred(problem, answer, scale, tol))))
+        remarks.append(_blurred(problem, answer, scale, tol))
     spent = time.perf_counter() - begun
     # a clock does not reach into compiled code: the seconds of the history are the sweeps' share
     history = [(int(at), spent * at / max(sweeps, 1), size) for at, size in rows[:noted].tolist()]
     seconds = {"reduction": 0.0, "solve": spent}
-    found = Result(answer, u, None, status, deciding, *errors, sweeps, seconds, history, checks, solver, message=remark)
+    message = "; ".join(filter(None, remarks))
+    found = Result(answer, u, None, status, deciding, *errors, sweeps, seconds, history, checks, solver, message=message)
     return found if certified is None else replace(found, message=certified.message, certificate=certified)
+
+
+def _fits(problem: object, chosen: Method, r: object) -> TypeGuard[LocalProblem]:
+    """Whether a problem is of those that are answered here, by this method from r."""
+    if not isinstance(problem, LocalProblem) or problem.V is not None or not 0 < len(problem.mu) <= CONTACTS:
+        return False
+    if problem.dimension not in chosen.dimensions or not (r is None or isinstance(r, np.ndarray)):
+        return False
+    return chosen.run is automatic or (chosen.run is nsgs and chosen.options == OPTIONS)
 
 
 def _blurred(problem: LocalProblem, r: FloatArray, scale: float, tol: float) -> str:

@@ -33,27 +33,16 @@ def falling(model: Model, state: State, scheme: Scheme, gravity: FloatArray, ste
     g = float(np.linalg.norm(gravity))
     if g == 0 or not scheme.timing.moving or model.loads or np.any(model.along(state.v)[model.free_dofs]):
         return
-    if len(model.bodies) < 2:
-        if not model.supports:
-            name = model.bodies[0].name
-            yield f"body {name!r} is alone, and no support holds it: it falls for ever. Is the floor forgotten, or a support?"
-        return
-    if not model.supports:
-        directions = ", ".join(map(repr, DIRECTIONS[model.dimension]))
-        yield f"no support holds any body: all fall together under gravity. Hold the floor: Support('floor', ({directions}))"
-        return
     axis = int(np.argmax(np.abs(gravity)))
-    if abs(gravity[axis]) >= ALONG * g and not _held_along(model, "xyz"[axis]):
-        directions = ", ".join(map(repr, DIRECTIONS[model.dimension]))
-        yield (
-            f"no support holds any body along {'xyz'[axis]}, the way of gravity: all fall together. "
-            f"Hold the floor: Support('floor', ({directions}))"
-        )
+    straight = abs(gravity[axis]) >= ALONG * g
+    if told := _of_all_bodies(model, axis, straight):
+        yield told
+    if told or len(model.bodies) < 2:
         return
     if np.any(state.v):  # supports that move: where to is not known here
         return
     exact = any(isinstance(body, RigidBody) and (body.shape is not None or not len(body.points)) for body in model.bodies)
-    if held.all() or exact or abs(gravity[axis]) < ALONG * g or len(model.bodies) > MANY:
+    if held.all() or exact or not straight or len(model.bodies) > MANY:
         return
     way, below = _ways(model, model.positions(state.x), axis, float(np.sign(gravity[axis])))
     names = [body.name for body in model.bodies]
@@ -78,6 +67,21 @@ def falling(model: Model, state: State, scheme: Scheme, gravity: FloatArray, ste
             f"body {names[first]!r} is {gap:.3g} m above {names[under]!r} and falls for {time:.3g} s, {count} steps, {ends}, "
             f"before anything touches: begin nearer, with a velocity (State), or take more steps"
         )
+
+
+def _of_all_bodies(model: Model, axis: int, straight: bool) -> str:
+    """What is said where no support holds any body, or none along the axis of gravity, where that is `straight` along it."""
+    directions = ", ".join(map(repr, DIRECTIONS[model.dimension]))
+    if len(model.bodies) < 2:
+        name = model.bodies[0].name
+        alone = f"body {name!r} is alone, and no support holds it: it falls for ever. Is the floor forgotten, or a support?"
+        return "" if model.supports else alone
+    hold = f"Hold the floor: Support('floor', ({directions}))"
+    if not model.supports:
+        return f"no support holds any body: all fall together under gravity. {hold}"
+    if straight and not _held_along(model, "xyz"[axis]):
+        return f"no support holds any body along {'xyz'[axis]}, the way of gravity: all fall together. {hold}"
+    return ""
 
 
 def _held_along(model: Model, axis: str) -> bool:

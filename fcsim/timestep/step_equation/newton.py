@@ -34,7 +34,7 @@ from fcsim.contact_detection.contacts import Contacts
 from fcsim.problem import GlobalProblem
 from fcsim.problem.reduction import Reduction
 from fcsim.solvers import Result
-from fcsim.timestep.chain import Attempt, SolverSettings, solve_chain
+from fcsim.timestep.chain import Attempt, Lead, SolverSettings, solve_chain
 from fcsim.timestep.encounter import Anew, Encounter
 from fcsim.timestep.reactions.reactions import carried, carried_in_space
 from fcsim.timestep.reactions.warm_start import warm_start
@@ -43,7 +43,7 @@ from fcsim.timestep.step_equation.equation import Answer, Equation, Past, StepSo
 from fcsim.timestep.step_equation.inner_term import InnerTerm, Term
 from fcsim.timestep.step_equation.linearisation import TOLERANCE as LINEAR_TOLERANCE
 from fcsim.timestep.step_equation.loops.going_round import goes_round
-from fcsim.timestep.step_equation.loops.iterate import Iterate, KeptFactor
+from fcsim.timestep.step_equation.loops.iterate import Iterate, KeptFactor, Posed
 from fcsim.timestep.step_equation.loops.lost_contacts import lost
 from fcsim.timestep.step_equation.loops.meant_contacts import passed, settled
 from fcsim.timestep.step_equation.loops.natural import jams, leads_on
@@ -100,9 +100,8 @@ class _Newton:
         self.least = 0.0
 
     def solve(self, past: Past) -> tuple[Answer | None, Past]:
-        """See `solve_nonlinear`; long because it is one iteration from its matrix to its verdict."""
-        equation = self.equation
-        lead = past.lead
+        """See `solve_nonlinear`."""
+        equation, lead = self.equation, past.lead
         first = self.inner.first()
         now = Iterate(first, np.empty(0), self.inner.at(first, tangent=True), np.inf, np.empty(0), equation.elastic.push(first))
         if now.term.inadmissible:
@@ -116,44 +115,18 @@ class _Newton:
                 return self._failed(f"body {name!r} has lost its stiffness: it buckles, snaps or softens, which dynamics can follow", past)
             left -= SLOWER if share else 1.0
             plain = replace(equation, factor=factor, bent=None, slanted=None)
-            load = self._load(plain, now)
             # what a solver leaves open is in the next iterate's contacts: they would not settle to less
             tol = self.solver.settings.tol if self.anew is None else min(self.solver.settings.tol, TOLERANCE)
-            result: Result | None = None
-            tried, serving, least = list[Attempt](), past.serving, None
-            for equation, pushed, settings in self._ways(plain, now):
-                posed = equation.problem(load + pushed)
-                assert isinstance(posed, GlobalProblem)  # rolling resistance is refused beside nonlinear bodies
-                problem = posed
-                reduction = Reduction(problem, equation.compliance)
-                self.solver.clock.lap("assembly")
-                cold = self.start is None and problem.nc > 0
-                warm = warm_start(reduction.local, equation.met.contacts, past.reactions) if cold else now.r
-                flight = min(1.0, longest_flight(reduction, self.solver.extent, equation.met.meeting.timing.force_per_reaction))
-                allowed = tol * flight * (CLOSER if share else 1.0) * self.tighter
-                if flight < 1.0 and equation.slanted is not None:
-                    continue
-                least = (
-                    further_share(self.least) if allowed < ROUND and self.anew is not None and not equation.elastic.held_by_mass else None
-                )
-                if least is not None:
-                    break
-                tried, serving = [], past.serving
-                once, allowed = looped(settings, equation, len(self.done), allowed)
-                if once:
-                    result = contacts_once(reduction, equation, now.v, warm, settings, allowed)
-                    break
-                result, serving = solve_chain(settings, reduction, warm, allowed, equation.share, tried, past.serving, lead)
-                if result is not None:
-                    break
-            self.start = warm if self.start is None else self.start
+            posed = self._posed(plain, now, past, lead, tol, CLOSER if share else 1.0)
+            equation, result, tried = posed.equation, posed.result, posed.tried
+            self.start = posed.warm if self.start is None else self.start
             self.solver.attempts.extend(tried)
             self.solver.clock.lap("solve")
-            past = replace(past, serving=serving)
+            past = replace(past, serving=posed.serving)
             if result is None:
-                if least is None:
+                if posed.least is None:
                     return None, past
-                self.least, self.start = least, self.start if self.done else None
+                self.least, self.start = posed.least, self.start if self.done else None
                 continue
             if not self.done and tried:
                 past = replace(past, lead=lead.after(tried[0].solver, tried[-1].solver))
@@ -172,20 +145,51 @@ class _Newton:
             at_rest = self.anew is None or settled(equation.met, met, new.v, result.r)
             self.solver.clock.lap("detection" if self.anew is not None else "assembly")
             fresh = sum(group.fresh for group in factor.nonlinear_groups)
-            self.done.append(Linearised(problem, result, warm, TOLERANCE * new.residual, length, fresh, share))
+            self.done.append(Linearised(posed.problem, result, posed.warm, TOLERANCE * new.residual, length, fresh, share))
             self.sizes.append(new.residual)
-            if problem.nc and not result.iterations and new.residual > max(1.0, 0.5 * self.sizes[-2:][0]) and len(self.sizes) > 1:
+            if posed.problem.nc and not result.iterations and new.residual > max(1.0, 0.5 * self.sizes[-2:][0]) and len(self.sizes) > 1:
                 self.tighter = max(TIGHTEST, TIGHTER * self.tighter)
             if self.anew is not None and not self.in_space and goes_round(self.sizes, self.anew, new.v):
                 break
             if length == 1 and new.residual <= 1 and at_rest and result.error <= tol and self._stands(equation, new, result):
                 if not tried:
                     self.solver.attempts.append(looped_attempt(result, len(self.done), equation.share, tol))
-                return self._answer(equation, reduction, new, result), past
+                return self._answer(equation, posed.reduction, new, result), past
             if self.anew is not None:
                 past, equation = past.of_the_same_step(equation.met.contacts, met.contacts, result.r), replace(equation, met=met)
             now = new if new.term.blocks else replace(new, term=self.inner.at(new.v, tangent=True))
         return self._failed("did not settle", past)
+
+    def _posed(self, plain: Equation, now: Iterate, past: Past, lead: Lead, tol: float, closer: float) -> Posed:
+        """The iterate's problem, posed in one of `_ways` after the other until a solver answers it to `tol`, `closer` by that factor."""
+        load = self._load(plain, now)
+        result: Result | None = None
+        tried, serving, least = list[Attempt](), past.serving, None
+        for equation, pushed, settings in self._ways(plain, now):
+            posed = equation.problem(load + pushed)
+            assert isinstance(posed, GlobalProblem)  # rolling resistance is refused beside nonlinear bodies
+            problem = posed
+            reduction = Reduction(problem, equation.compliance)
+            self.solver.clock.lap("assembly")
+            cold = self.start is None and problem.nc > 0
+            warm = warm_start(reduction.local, equation.met.contacts, past.reactions) if cold else now.r
+            flight = min(1.0, longest_flight(reduction, self.solver.extent, equation.met.meeting.timing.force_per_reaction))
+            if flight < 1.0 and equation.slanted is not None:
+                continue
+            allowed = tol * flight * closer * self.tighter
+            flies = allowed < ROUND and self.anew is not None and not equation.elastic.held_by_mass
+            least = further_share(self.least) if flies else None
+            if least is not None:
+                break
+            tried, serving = [], past.serving
+            once, allowed = looped(settings, equation, len(self.done), allowed)
+            if once:
+                result = contacts_once(reduction, equation, now.v, warm, settings, allowed)
+                break
+            result, serving = solve_chain(settings, reduction, warm, allowed, equation.share, tried, past.serving, lead)
+            if result is not None:
+                break
+        return Posed(equation, problem, reduction, warm, result, tried, serving, least)
 
     def _factor(self, now: Iterate, past: Past) -> tuple[SystemFactor, float, Past]:
         """The factor of A_i, the share of the first stiffness in it, and the past that keeps it; raises Indefinite."""

@@ -38,6 +38,7 @@ CELLS = [
     ("quadrilateral", "Q2"),
     ("triangle", "P2"),
 ]
+IN_STRESS = [(cell, elements) for cell, elements in CELLS if cell in ("quadrilateral", "triangle") and elements != "Q1-bbar"]
 
 
 def part_of(grid_part: Any, cell: str, elements: str, material: Any, plane: str = "strain") -> Part:
@@ -86,12 +87,9 @@ def test_every_law_in_a_body(law: str, d: int) -> None:
 
 
 @pytest.mark.parametrize("law", ["svk", "neo-hooke", "ogden"])
-@pytest.mark.parametrize("plane", ["strain", "stress"])
-@pytest.mark.parametrize(("cell", "elements"), CELLS)
+@pytest.mark.parametrize(("cell", "elements", "plane"), [*((*own, "strain") for own in CELLS), *((*own, "stress") for own in IN_STRESS)])
 def test_first_tangent_is_linear_elasticity(grid_part: Any, cell: str, elements: str, plane: str, law: str) -> None:
     """At F = 1 every law is Hooke's with its moduli; of Ogden's mu = 8e5, K = 1e7."""
-    if plane == "stress" and (cell in ("hexahedron", "tetrahedron") or elements == "Q1-bbar"):
-        pytest.skip("no plane stress")
     nu = (3 * 1e7 - 2 * 8e5) / (2 * (3 * 1e7 + 8e5))
     linear = Material(2 * 8e5 * (1 + nu), nu, 1000.0) if law == "ogden" else Material(E, NU, 1000.0)
     laws = NonlinearPart(part_of(grid_part, cell, elements, LAWS[law], plane), True)

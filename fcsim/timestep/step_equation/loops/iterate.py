@@ -1,12 +1,18 @@
-"""An iterate of Newton's method on a step with nonlinear bodies, and what its last one leaves for the next step."""
+"""An iterate of Newton's method on a step with nonlinear bodies, its problem, and what the last one leaves for the next step."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 from fcsim.arrays import FloatArray
 from fcsim.assembly.compliance import SystemFactor
-from fcsim.solvers.memory import Kept
+from fcsim.problem import GlobalProblem
+from fcsim.problem.reduction import Reduction
+from fcsim.solvers import Result
+from fcsim.solvers.memory import Kept, Memory
+from fcsim.timestep.chain import Attempt
+from fcsim.timestep.step_equation.equation import Equation
 from fcsim.timestep.step_equation.inner_term import Term
 
 
@@ -29,3 +35,17 @@ class Iterate:
     l: FloatArray
     push: FloatArray | float
     earlier: FloatArray | None = None
+
+
+class Posed(NamedTuple):
+    """An iterate's problem as it was posed last, where its solver began, its result, None without any, the attempts at it, and what they
+    leave; least: the share of the bodies' first stiffness with which the iteration begins anew, where they would fly too far."""
+
+    equation: Equation
+    problem: GlobalProblem
+    reduction: Reduction
+    warm: FloatArray
+    result: Result | None
+    tried: list[Attempt]
+    serving: Memory | None
+    least: float | None
