@@ -28,6 +28,7 @@ _DEEPER = 2.0  # times the way out by a vertex: an edge that lies deeper leaves 
 _OFF = 0.1  # of `near`: what is less inside is on the surface
 _ANOTHER_WAY = 0.9  # cosine between directions that are different
 _SLOPE = 0.94  # cosine: what lies on a sharp edge and leans to its sides by more than 20 degrees does not lie on them
+_BESIDE = 0.1  # of an edge within a face: how far its vertices are from a sharp edge that they lie on, or slide over
 
 
 class EdgeContacts(NamedTuple):
@@ -170,12 +171,20 @@ def each_place_once(
 def _on_slopes(
     skin: Skin, shape: Shape, found: VertexContacts, edges: EdgeContacts, row: IntArray, side: IntArray, around: IntArray
 ) -> BoolArray:
-    """Which vertices' contacts (nc,) are of the vertices `around` (n, k) a crossing, of the `row` (n,) of `edges` and the edge `side` (n,)
-    of it, with a face beside the other edge that leans to the crossing's normal."""
-    found_on = np.zeros(len(found.gap), dtype=bool)
+    """Which vertices' contacts (nc,) lean on a face beside a sharp edge that they lie on: of the vertices `around` (n, k) a crossing, of
+    the `row` (n,) of `edges` and the edge `side` (n,) of it, those beside the other edge. What is farther away may lie on its sides."""
+    drop = np.zeros(len(found.gap), dtype=bool)
     towards = np.where(side == 1, -1.0, 1.0)[:, None] * edges.normal[row]
-    key = found.vertex * skin.n_sides + skin.side[found.facet]
-    for slope in skin.edge_facets[edges.edges[row, 1 - side]].T:
-        leans = np.einsum("cd,cd->c", shape.normal[slope], towards) < _SLOPE
-        found_on |= np.isin(key, around[leans] * skin.n_sides + skin.side[slope[leans], None])
-    return found_on
+    ours, theirs = edges.edges[row, side], edges.edges[row, 1 - side]
+    along, crossed = (np.subtract(*shape.point[skin.edges[which]].swapaxes(0, 1)) for which in (theirs, ours))
+    off = np.cross(shape.point[around] - shape.point[skin.edges[theirs, 0]][:, None], along[:, None])
+    limit = _BESIDE**2 * np.einsum("nd,nd->n", along, along) * np.einsum("nd,nd->n", crossed, crossed)
+    across, place = np.nonzero(np.einsum("nkd,nkd->nk", off, off) <= limit[:, None])
+    vertex, key = around[across, place], found.vertex * skin.n_sides + skin.side[found.facet]
+    for slope in skin.edge_facets[theirs].T:
+        leans = np.einsum("cd,cd->c", shape.normal[slope], towards)[across] < _SLOPE
+        known, first = np.unique(vertex[leans] * skin.n_sides + skin.side[slope[across[leans]]], return_index=True)
+        rows = np.flatnonzero(np.isin(key, known))
+        normal = towards[across[leans][first[np.searchsorted(known, key[rows])]]]
+        drop[rows] |= np.einsum("cd,cd->c", found.normal[rows], normal) < _SLOPE
+    return drop
