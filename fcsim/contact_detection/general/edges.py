@@ -27,7 +27,7 @@ from fcsim.contact_detection.skin.skin import Shape, Skin
 _DEEPER = 2.0  # times the way out by a vertex: an edge that lies deeper leaves that way
 _OFF = 0.1  # of `near`: what is less inside is on the surface
 _ANOTHER_WAY = 0.9  # cosine between directions that are different
-_SLOPE = 0.94  # cosine: what lies on a sharp edge and leans to its sides by more than 20 degrees does not lie on them
+_SLOPE = 0.9994  # cosine of 2 degrees: what lies on a sharp edge and leans to its sides by more does not lie on them
 _BESIDE = 0.1  # of an edge within a face: how far its vertices are from a sharp edge that they lie on, or slide over
 
 
@@ -149,12 +149,14 @@ def each_place_once(
     skin: Skin, shape: Shape, vertices: VertexContacts, edges: EdgeContacts, faces: FaceEdges
 ) -> tuple[VertexContacts, EdgeContacts]:
     """The contacts without those of vertices on the slopes beside a sharp edge on which the face around them lies, and of edges that meet
-    in a vertex one, or none where the vertex is held by itself."""
+    in a vertex one, with their mean normal, or none where the vertex is held by itself."""
     if not len(edges.gap):
         return vertices, edges
     end = (edges.place > 0.5).astype(np.int64)
     row, side = np.nonzero((edges.place == end) & faces.goes_on[edges.edges, end])
     vertex, other = skin.edges[edges.edges[row, side], end[row, side]], edges.edges[row, 1 - side]
+    _, once, place = np.unique(vertex * len(skin.edges) + other, return_index=True, return_inverse=True)
+    edges = _with_mean_normals(edges, row, np.where(side == 1, -1.0, 1.0), place)
     inner, which = np.nonzero(np.isin(edges.edges, faces.within))
     around = skin.facets[skin.edge_facets[edges.edges[inner, which]]].reshape(-1, 8)
     vertices = vertices.take(~_on_slopes(skin, shape, vertices, edges, inner, which, around))
@@ -162,10 +164,23 @@ def each_place_once(
     body = skin.vertex_body[skin.edges[other, 0]]
     held = np.isin(vertex * skin.n_bodies + body, vertices.vertex * skin.n_bodies + skin.facet_body[vertices.facet])
     again = np.ones(len(row), dtype=bool)
-    again[np.unique(vertex * len(skin.edges) + other, return_index=True)[1]] = False
+    again[once] = False
     drop = np.zeros(len(edges.gap), dtype=bool)
     drop[row[held | again]] = True
     return vertices, edges.take(~drop)
+
+
+def _with_mean_normals(edges: EdgeContacts, row: IntArray, sign: FloatArray, place: IntArray) -> EdgeContacts:
+    """With the mean normal of those contacts `row` (n,), turned by `sign` (n,), that are at one `place` (n,): what is bent over an edge is
+    held by neither of its sides alone."""
+    towards = sign[:, None] * edges.normal[row]
+    mean = np.zeros((len(row), 3))
+    np.add.at(mean, place, towards)
+    mean = mean[place] / np.linalg.norm(mean[place], axis=1)[:, None]
+    normal, gap = edges.normal.copy(), edges.gap.copy()
+    normal[row] = sign[:, None] * mean
+    gap[row] *= np.einsum("cd,cd->c", mean, towards)
+    return edges._replace(normal=normal, gap=gap)
 
 
 def _on_slopes(
