@@ -4,8 +4,10 @@ where a knife is a corner, and beside a knife that has vertices enough of its ow
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from scipy.spatial.transform import Rotation
 
 from fcsim import Body, Everything, Limits, Material, QuasiStatic, Simulation, Step, Support, Theta, Traction, at_rest, build_model
+from fcsim.arrays import BoolArray, FloatArray
 from fcsim.assembly.model import Model
 from fcsim.mesh import RigidBody, brick, rectangle, rigid_box, rigid_polygon, rigid_polyhedron
 from fcsim.mesh.solids.closed_surface import closed_surface, rigid_solid
@@ -117,6 +119,10 @@ def test_a_wedge_of_two_vertices_presses_as_one_of_thirty(tilt: float) -> None:
     assert_allclose(force[2], force[30], atol=0.02 * force[30][2])
 
 
+def everywhere(x: FloatArray) -> BoolArray:
+    return np.isfinite(x[0])
+
+
 def bent_over(degrees: float, edge: float, push: float) -> tuple[float, Step]:
     """How far [m] a block's nodes are inside a wedge of such sides, its edge at x = edge from y = -20 mm on, that is pushed on to it."""
     part = brick("block", (0.2, 0.1, 0.1), (8, 4, 4), Material(1e7, 0.3, 1000.0), origin=(-0.1, -0.05, -0.1))
@@ -144,3 +150,19 @@ def test_a_block_bent_over_a_wedge_under_its_middle_is_not_pushed_aside(degrees:
     force = last.contact_force_on("wedge")
     assert inside < 1e-5
     assert_allclose(force[0], 0.0, atol=1e-6 * force[2])
+
+
+def test_an_edge_at_an_angle_to_the_cells_is_held_once_the_face_is_folded_beneath_it() -> None:
+    """Where cells are folded by more than 6 degrees their edges bore nothing: a bar went in, one of 24 cells along its edge did not."""
+    force = {}
+    for cells in (1, 24):
+        part = brick("block", (0.2, 0.1, 0.1), (8, 4, 4), Material(1e7, 0.3, 1000.0), elements="Q1-enhanced", origin=(-0.1, -0.05, -0.1))
+        bar = brick("bar", (0.04, 0.16, 0.04), (2, cells, 2), Material(1e8, 0.3, 1000.0), elements="Q1-enhanced", origin=(0.0, -0.08, 0.0))
+        turned = Rotation.from_euler("ZY", [37.0, 45.0], degrees=True).as_matrix()
+        bodies = [Body("block", part), Body("bar", bar, rotation=turned, translation=(0.0, 0.0, 0.04 / np.sqrt(2.0)))]
+        driven = [Support("bar", ("x", "y"), at=everywhere), Support("bar", ("z",), at=everywhere, displacement=lambda t: -0.004 * t)]
+        model = build_model(bodies, supports=[Support("block", ("x", "y", "z"), "z-"), *driven])
+        unlimited = Limits(strain=np.inf, rotation=np.inf)
+        *_, last = Simulation(model, Everything(model, 0.0), QuasiStatic(0.2), 5, limits=unlimited)
+        force[cells] = last.contact_force_on("bar")[2]
+    assert 0.8 * force[24] < force[1] < force[24]  # it is held at fewer places

@@ -99,12 +99,13 @@ def crossings(
     facets: IntArray,
     sides: IntArray,
     goes_on: BoolArray,
+    sharp: BoolArray,
 ) -> tuple[IntArray, FloatArray, FloatArray, FloatArray, IntArray]:
     """Rows of edges that touch, their normals from the second to the first (nc, 3), gaps (nc,) [m], places s, t (nc, 2) on both, and of
     those that overlap through how many of the two faces of one edge the other goes (nc,).
 
     Long because it is one decision. alert, depth, near (rows,) [m]. A crossing lies inside both edges by more than `near`: vertices hold
-    the ends, but those at which a face or a rim goes on (ne, 2).
+    the ends, but those at which a face or a rim goes on (ne, 2). Edges that are not sharp (ne,) lie within faces.
     """
     n = len(first)
     rows, normal = np.empty(n, dtype=np.int64), np.empty((n, 3))
@@ -145,9 +146,9 @@ def crossings(
             if dot(N, plus(at(normals, edge_facets[a, 0]), at(normals, edge_facets[a, 1]))) >= 0.0:
                 continue
             extreme = True
-            for k in range(2):  # both bodies fall away from the common tangent plane
-                extreme = extreme and dot(N, _in_face(b, k, db, normals, edge_facets)) <= _ARC
-                extreme = extreme and dot(N, _in_face(a, k, da, normals, edge_facets)) >= -_ARC
+            for k in range(2):  # both bodies fall away from the common tangent plane, but faces that are bent over what is sharp
+                extreme = extreme and (not sharp[b] or dot(N, _in_face(b, k, db, normals, edge_facets)) <= _ARC)
+                extreme = extreme and (not sharp[a] or dot(N, _in_face(a, k, da, normals, edge_facets)) >= -_ARC)
             if not extreme:
                 continue
             s, t = dot(cross(r, db), across) / sine**2, dot(cross(r, da), across) / sine**2

@@ -71,6 +71,7 @@ def edge_contacts(skin: Skin, shape: Shape, near: NearBodies, vertices: VertexCo
             skin.facets,
             skin.sides,
             faces.goes_on,
+            skin.sharp,
         )
     )
     found = EdgeContacts(np.column_stack([first[row], second[row]]), place, normal, gap)

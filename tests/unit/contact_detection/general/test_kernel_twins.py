@@ -168,7 +168,7 @@ def test_crossings(seed: int, distance: float) -> None:
     limit = np.full(n, 0.05)
     row, _, gap, place, _ = crossings(
         first, second, limit, limit, np.full(n, 1e-9), shape.point, shape.normal, shape.size, skin.edges, skin.edge_facets,
-        skin.facets, skin.sides, np.zeros((len(skin.edges), 2), dtype=bool),
+        skin.facets, skin.sides, np.zeros((len(skin.edges), 2), dtype=bool), np.ones(len(skin.edges), dtype=bool),
     )  # fmt: skip
     pa, qa = (shape.point[skin.edges[first, k]] for k in range(2))
     pb, qb = (shape.point[skin.edges[second, k]] for k in range(2))

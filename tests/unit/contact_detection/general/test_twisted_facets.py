@@ -61,7 +61,7 @@ def test_edges_that_cross_over_a_twisted_face() -> None:
         rows, normal, gap, _, _ = crossings(
             one + first, one + second, np.full(1, 1e-3), np.full(1, 1e-3), np.full(1, 1e-9), point, normals,
             np.array([2.0, 1.0, 1.0, 1.0]), np.array([[0, 1], [4, 5]]), np.array([[0, 2], [1, 3]]), facets, np.array([4, 3, 3, 3]),
-            np.zeros((2, 2), dtype=bool),
+            np.zeros((2, 2), dtype=bool), np.ones(2, dtype=bool),
         )  # fmt: skip
         assert len(rows) == 1
         assert_allclose(normal[0], n if first else -n, atol=1e-6)
