@@ -80,8 +80,8 @@ def _of_the_model(analysis: LimitAnalysis) -> list[str]:
 
 
 def lies_down(contacts: Contacts, held: np.ndarray, problem: MasonryProblem) -> bool:
-    """Whether a structure looks as if it were drawn with y up: thinner than high and wide, each free block on one support (planks lie on two
-    beams), and joints between free blocks with normals along y, none along z."""
+    """Whether a structure looks as if it were drawn with y up: thinner than high and wide, each free block on one support (planks lie on
+    two beams), and joints between free blocks with normals along y, none along z."""
     if contacts.dimension == 2 or not len(contacts):
         return False
     between = ~held[contacts.bodies].any(axis=1)
