@@ -80,7 +80,10 @@ def moved_by_supports(model: Model, H: sp.sparray, dimension: int, proportions: 
 
 def held_by_links(model: Model, linkage: Linkage, x: FloatArray, H: sp.sparray, contacts: Contacts, proportions: Proportions) -> BoolArray:
     """Which contacts (nc,) of H (n_dofs, m) in the configuration x (n_dofs,) the links of their own two bodies hold along their normals, by
-    each other, by the ground, or by what supports hold: those whose normals' rows are sums of the links'; levers count as above."""
+    each other, by the ground, or by what supports hold: those whose normals' rows are sums of the links'; levers count as above.
+
+    Of contacts that are open those alone that links drive: others have u_N = 0 there, which may bear nothing in a problem, but once bodies
+    have turned no longer, as an eccentric disc on a pin at its dead point, whose contact is to stop it."""
     held, pairs = np.zeros(len(contacts), dtype=bool), np.sort(contacts.bodies, axis=1)
     kept = np.flatnonzero(np.isinf(linkage.stiffness))
     if not len(held) or not len(kept):
@@ -99,7 +102,8 @@ def held_by_links(model: Model, linkage: Linkage, x: FloatArray, H: sp.sparray, 
     count = len(model.bodies)
     of_row = np.where(first >= 0, first * count + last, -1)
     own = pairs[:, [0, 1, 0]] * count + pairs[:, [0, 1, 1]]  # of rows of one of both bodies beside what does not move, or of both
-    linked = np.isin(own, of_row).any(axis=1) & (contacts.identity < CABLES)
+    may = (contacts.gap <= TOUCHES * proportions.size_at(contacts)) | np.isin(own, of_row[linkage.driven[kept]]).any(axis=1)
+    linked = may & np.isin(own, of_row).any(axis=1) & (contacts.identity < CABLES)
     for numbers in np.unique(own[linked], axis=0):
         between = np.flatnonzero(linked & (own == numbers).all(axis=1))
         rows = np.flatnonzero(np.isin(of_row, numbers))

@@ -80,14 +80,15 @@ def _of_the_model(analysis: LimitAnalysis) -> list[str]:
 
 
 def lies_down(contacts: Contacts, held: np.ndarray, problem: MasonryProblem) -> bool:
-    """Whether a structure looks as if it were drawn with y up: thinner than high and wide, each free block on a support, and joints between
-    free blocks with normals along y, none along z."""
+    """Whether a structure looks as if it were drawn with y up: thinner than high and wide, each free block on one support (planks lie on
+    two beams), and joints between free blocks with normals along y, none along z."""
     if contacts.dimension == 2 or not len(contacts):
         return False
     between = ~held[contacts.bodies].any(axis=1)
     normal = np.abs(contacts.frame[between, 0])
-    free = np.flatnonzero(~held)
-    borne = np.isin(free, contacts.bodies[held[contacts.bodies].any(axis=1)]).all()
+    free, on = np.flatnonzero(~held), held[contacts.bodies]
+    bearing = np.unique(np.take_along_axis(contacts.bodies, np.argsort(on), axis=1)[on.any(axis=1)], axis=0)  # a free block, its support
+    borne = np.array_equal(bearing[~held[bearing[:, 0]], 0], free)
     points = np.concatenate([problem.blocks[k].surface.points for k in free])
     x, y, z = np.ptp(points, axis=0)
     layers = len(np.unique(contacts.bodies[between][normal[:, 1] > _ALONG]))

@@ -26,6 +26,7 @@ from fcsim.timestep.chain import Attempt, Clock, SolverSettings, settings_of_mod
 from fcsim.timestep.encounter import Anew, Encounter, Told, encounter, met_on_the_way
 from fcsim.timestep.energy import Energy
 from fcsim.timestep.links.linked import linked
+from fcsim.timestep.links.mechanisms import balances
 from fcsim.timestep.reactions.warm_start import MEMORY
 from fcsim.timestep.scheme import Scheme
 from fcsim.timestep.state import State, updated
@@ -33,11 +34,11 @@ from fcsim.timestep.step import Moment, Step
 from fcsim.timestep.step_equation.closing import Closing
 from fcsim.timestep.step_equation.end_velocity import turning_impulse
 from fcsim.timestep.step_equation.equation import Answer, Equation, Past, StepSolver
-from fcsim.timestep.step_equation.linearisation import Linearisation, joined_nodes
+from fcsim.timestep.step_equation.linearisation import TOLERANCE, Linearisation, joined_nodes
 from fcsim.timestep.step_equation.look_ahead.ahead import ROUNDS, borne_at_first, looked_ahead
 from fcsim.timestep.step_equation.loops.heavier import heavier
 from fcsim.timestep.step_equation.penetration import AtEnd, at_end
-from fcsim.timestep.step_equation.sequence import solve_equation
+from fcsim.timestep.step_equation.sequence import FREE, LOOSE, solve_equation
 from fcsim.timestep.step_equation.settling import solve_settled
 
 
@@ -237,12 +238,28 @@ class Substep:
                 continue
             ahead = looked_ahead(model, run.detection, scheme, state, met, v, after) if looks < ROUNDS else None
             self.clock.lap("detection")
+            if ahead is None and equation.elastic.heavier and self._balances(equation, answer, after):
+                return None
             if ahead is None and not equation.borne:
                 return _Solved(answer, past, impulse, after, looks < ROUNDS)
             seen, met, looks = met, ahead or met, looks + (ahead is not None)
             past = past.of_the_same_step(seen.contacts, met.contacts, result.r)
             borne = borne_at_first(model, run.detection, scheme, met, seen) if equation.borne and looks < ROUNDS else 0.0
             equation = replace(equation, met=met, linked=links.rows, borne=borne)
+
+    def _balances(self, equation: Equation, answer: Answer, after: State) -> bool:
+        """Whether the answer of statics that more mass leads to is one from which bodies would fall, which is then said; not asked where
+        contacts bear."""
+        run, model = self.run, self.run.model
+        if run.linkage is None or np.any(answer.result.r):
+            return False
+        end = model.elastic.at(after.x)
+        force = model.elastic.force(end, end, 1.0, None)
+        if fall := balances(model, run.linkage, after, force):
+            self.attempts.append(
+                Attempt("turning bodies", FREE, "balances where it would fall", 1.0, 1, equation.share, TOLERANCE, why=LOOSE)
+            )
+        return fall
 
     def _anew(self, start: Moment, equation: Equation) -> Anew | None:
         """What finds contacts at the iterates of a step of statics; None in dynamics."""

@@ -45,6 +45,7 @@ _SHARE = 1e-6  # of the weight: the regularising force of a block that moves as 
 _RUNS = 1e3  # times its support's pace: a block that moves so fast falls, by a thousandth of its weight out of balance
 _QUICK = 1.5  # times it: a block that moves so fast may fall from one joint into another, and is looked at with its supports at rest
 _STILL = 0.1  # of a step of its support: by how much a thousandth of its weight out of balance moves a block that is looked at so
+_NEARLY = 10.0  # times that: what moves so far is followed to where it comes to rest, what moves farther falls
 _OPEN = 1e-7  # of the structure's extent
 _SOFT_RUNAWAY = 0.1  # of it: farther than deformable blocks sink under their weight
 STEPS = 100
@@ -135,7 +136,7 @@ def settle(
     moving, _ = structure(problem, blocks, stone, held=_driven(problem, movements))
 
     def stands(x: FloatArray) -> bool:
-        return _stands(still, problem, replace(scheme, eta=_RUNS / _STILL * scheme.eta), x, _STILL * reach / steps)
+        return _stands(still, problem, scheme, x, reach / steps)
 
     free, measure, turned = free_nodes(problem, moving), DeformationMeasure(moving.groups, len(moving.deformable)), False
     for step in _moving(problem, moving, scheme, steps, first.state.x if moving.deformable else None, stands):
@@ -151,8 +152,9 @@ def settle(
         last = step
         rows.append(_Row.of(reach * step.number / steps, step, contacts, problem))
     x = last.state.x
-    falls = falls or not (turned or stands(x))
-    if falls and len(rows) > 1 and not stands(x):
+    standing = turned or stands(x)
+    falls = falls or not standing
+    if not standing and len(rows) > 1:
         rows, x = rows[:-1], last.previous.x  # it ran away from a shape that no force holds: the step to it had those of the one before
     names = list(rows[0].forces)
     moved, opening, slip, count = np.array([(row.moved, row.opening, row.slip, row.open_joints) for row in rows]).T
@@ -164,15 +166,29 @@ def settle(
 _SOLVER = SolverSettings(name="auto")
 
 
-def _stands(still: Model, problem: MasonryProblem, scheme: QuasiStatic, x: FloatArray, far: float) -> bool:
-    """Whether the structure stays in the configuration x (n_dofs,), its supports at rest: moves by less than `far` [m] in a step."""
-    initial = State(0.0, x, np.zeros(still.n_dofs))
+def _stands(still: Model, problem: MasonryProblem, scheme: QuasiStatic, x: FloatArray, pace: float) -> bool:
+    """Whether the structure stands in the configuration x (n_dofs,), its supports, which moved by `pace` [m] a step, at rest.
+
+    A step of so large an eta that falling is slow first closes the joints that the last step's turning left open, by its square. In the
+    next one a block out of balance by a thousandth of its weight moves by `_STILL`. Forces are known to the solver's tolerance alone, so
+    what moves a little more stands where it comes to rest, and falls where it runs away as on the way.
+    """
+
+    def rested(x: FloatArray, eta: float) -> tuple[FloatArray, float]:
+        """x and the farthest way [m] of a free node after a step by so many times the scheme's eta."""
+        initial, slow = State(0.0, x, np.zeros(still.n_dofs)), replace(scheme, eta=eta * scheme.eta)
+        step = next(iter(Simulation(still, Everything(still, problem.friction), slow, 1, _SOLVER, initial=initial, created=np.inf)))
+        way = still.node_displacement(step.state.x) - still.node_displacement(x)
+        return step.state.x, float(np.linalg.norm(way, axis=1)[free_nodes(problem, still)].max())
+
     try:
-        step = next(iter(Simulation(still, Everything(still, problem.friction), scheme, 1, _SOLVER, initial=initial, created=np.inf)))
-    except NotConverged:
+        closed, _ = rested(x, _RUNS * _RUNS / _STILL)
+        moved, way = rested(closed, _RUNS / _STILL)
+        if _STILL * pace < way <= _NEARLY * _STILL * pace:
+            return rested(moved, 1.0)[1] <= _RUNS * pace
+    except (NotConverged, InputError):  # of a shape that has fallen so far that bodies lie in each other
         return False
-    way = still.node_displacement(step.state.x) - still.node_displacement(x)
-    return bool(np.linalg.norm(way, axis=1)[free_nodes(problem, still)].max() <= far)
+    return way <= _STILL * pace
 
 
 def _refuse_fall(problem: MasonryProblem, first: Step, far: float) -> None:

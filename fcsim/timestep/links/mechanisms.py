@@ -68,6 +68,25 @@ def free_motions(model: Model, linkage: Linkage, state: State) -> FloatArray:
     return E @ _free(model, linkage, state.x, E).T
 
 
+def balances(model: Model, linkage: Linkage, state: State, force: FloatArray) -> bool:
+    """Whether deformable bodies in equilibrium balance where they would fall, along a motion that links leave.
+
+    force (n_dofs,) [N]: F of their stress, so that loads and links hold them by F. Turning on by w, v = w x (x - p), points have the
+    acceleration w x v and the energy of what loads them the second derivative -F . (w x v): it is negative of some such motion.
+    """
+    positions, d = model.positions(state.x), model.dimension
+    centre, size = positions.mean(axis=0), float(np.ptp(positions, axis=0).max())
+    E = _motions(model, state.x, positions, centre, size)
+    free = _free(model, linkage, state.x, E)
+    K, motions = np.zeros((len(free), len(free))), E @ free.T
+    for number in range(len(model.deformable)):
+        dofs = slice(*model.dof_offset[number : number + 2])
+        spin = np.einsum("kt,tij->kij", free.reshape(len(free), len(model.bodies), -1)[:, number, d:], _turns(d)) / size
+        K -= np.einsum("ni,kij,njl->kl", force[dofs].reshape(-1, d), spin, motions[dofs].reshape(-1, d, len(free)))
+    sizes = np.linalg.eigvalsh(0.5 * (K + K.T))
+    return bool(len(sizes) and sizes[0] < -FREE * np.abs(force).sum() / size)
+
+
 def _free(model: Model, linkage: Linkage, x: FloatArray, E: FloatArray) -> FloatArray:
     """The combinations (k, .) of the motions E (n_dofs, .) that supports and links leave in the configuration x (n_dofs,)."""
     holding = linkage.matrix(linkage.rows(x), x, balanced=False).tocsc()[:, np.flatnonzero(linkage.stiffness > 0)]

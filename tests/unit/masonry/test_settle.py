@@ -85,6 +85,41 @@ def test_a_fall_that_statics_have_no_answer_to_is_a_fall() -> None:
     assert settle(problem, [Movement(names[0], (0.3, 0.0, 0.0))], steps=12).falls
 
 
+def tower(dimension: int) -> MasonryProblem:
+    base = cuboid("base", (0.0, 0.0, -0.2), (1.0, 1.0, 0.0), support=True)
+    drums = [cuboid(f"{k}", (0.0, 0.0, 0.4 * k), (1.0, 1.0, 0.4 * k + 0.4)) for k in range(4)]
+    return MasonryProblem("tower", dimension, (base, *drums), 0.6)
+
+
+@pytest.mark.parametrize(("dimension", "steps"), [(2, 1), (3, 2)])
+def test_a_tower_that_leans_little_stands_by_steps_of_any_size(dimension: int, steps: int) -> None:
+    """Turned by 10 degrees, less than friction, atan 0.6, and its height, atan 1 / 1.6, bear. It "fell" at once: what closed the joints
+    that a step leaves open by the square of its turn was taken for a fall."""
+    seen = settle(tower(dimension), [Movement("base", turn=(0.0, np.radians(10.0), 0.0))], steps=steps)
+    assert not seen.falls and len(seen.moved) == steps + 1
+
+
+def test_a_tower_slides_at_the_angle_of_friction_by_large_steps() -> None:
+    """By 3.8 degrees a step. It "fell" in the first one."""
+    turn, steps = 0.8, 12
+    seen = settle(tower(2), [Movement("base", turn=(0.0, turn, 0.0))], steps=steps)
+    assert seen.falls and len(seen.moved) - 1 == np.floor(np.arctan(0.6) / turn * steps)
+
+
+def test_an_arch_stands_as_its_springings_part_by_one_step_as_by_many() -> None:
+    """Whose 5 cm are far from the way at which hinges fall, some 37 cm by small steps: in one step it "fell"."""
+    problem = arch(12, 0.25, 0.8)
+    name = next(block.name for block in problem.blocks if block.support)
+    for steps in (1, 5):
+        assert not settle(problem, [Movement(name, (0.05, 0.0, 0.0))], steps=steps).falls
+
+
+def test_a_beam_that_balances_on_its_middle_stands_as_an_end_goes() -> None:
+    """By a lever of 1 mm: statics know its forces to some ten-thousandths of its weight. It "fell" in the fifth of 30 steps."""
+    seen = settle(beam(2), [Movement("left", (0.0, 0.0, -1e-3))], steps=30)
+    assert not seen.falls and seen.opening[-1] == pytest.approx(1e-3, rel=1e-3)
+
+
 def test_an_elastic_beam_on_three_supports_gives_their_middle_less_as_it_settles() -> None:
     """Two spans l under w: the middle bears 5 w l / 4 - 6 E I s / l^3 when it has settled by s (S. Timoshenko, "Strength of
     Materials", 1930, the theorem of three moments); with little friction, which holds the beam's lower face."""

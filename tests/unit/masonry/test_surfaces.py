@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 
 from fcsim.errors import InputError
-from fcsim.masonry import Acceleration, analyse, bracket, masonry_of_surfaces, pushed, read_model
+from fcsim.masonry import Acceleration, MasonryProblem, analyse, bracket, masonry_of_surfaces, pushed, read_model
+from fcsim.masonry.atlas.shapes import cuboid
 from fcsim.masonry.remarks import remarks
 
 trimesh = pytest.importorskip("trimesh")
@@ -82,3 +83,13 @@ def test_a_wall_that_was_drawn_with_y_up_is_asked_after(axes: tuple[int, ...], l
 
     assert bool(said(places, axes)) is lies
     assert not said([(0.0, 0.2 * k, 0.15) for k in range(3)], (0, 1, 2))
+
+
+@pytest.mark.parametrize(("beams", "lies"), [(1, True), (2, False)], ids=["on a floor", "planks on two beams"])
+def test_planks_that_lie_on_two_beams_are_no_wall_on_its_side(beams: int, lies: bool) -> None:
+    """They were asked after as one that was drawn with y up."""
+    wide = 4.0 / beams**2
+    held = [cuboid(f"beam {k}", (3.0 * k, 0.0, -0.3), (3.0 * k + wide, 2.0, 0.0), support=True) for k in range(beams)]
+    planks = [cuboid(f"plank {k}", (0.0, 0.4 * k, 0.0), (4.0, 0.4 * k + 0.4, 0.1)) for k in range(5)]
+    found = remarks(analyse(pushed(MasonryProblem("deck", 3, (*held, *planks), 0.6), (1.0, 0.0, 0.0))), None)
+    assert any("drawn with y up" in remark for remark in found) is lies

@@ -5,7 +5,7 @@ import re
 import pytest
 
 import fcsim
-from fcsim.contact_law import Cohesive, Springs
+from fcsim.contact_law import Cohesive, Gap, Springs, laws_of_bodies
 from fcsim.mesh import Body, Material, rectangle, rigid_rectangle
 from fcsim.mesh.material import AnyMaterial, saint_venant_kirchhoff
 
@@ -52,3 +52,22 @@ def test_rigid_bodies_have_no_such_zone() -> None:
     law = Cohesive(tension=1e9, shear=1e9, mode_1=1.0, mode_2=1.0)
     simulation = fcsim.Simulation(model, fcsim.Everything(model, mu=0.3), fcsim.Theta(1e-3, law=law), 1)
     assert not any("the glue" in text for text in simulation._opening(fcsim.timestep.state.at_rest(model, h=1e-3)))
+
+
+def test_each_pair_has_its_own_glue_and_those_without_have_none() -> None:
+    """A block on a floor with a brittle glue, beside one without and one with a tough glue: the toughest counted for all, so that nothing
+    was said of the brittle one, or of a pair that has none."""
+    blocks = [Body(f"{k}", rectangle(f"{k}", (0.1, 0.1), (2, 2), Material(1e9, 0.3, 1e3)), translation=(0.2 * k, 0.0)) for k in range(3)]
+    model = fcsim.build_model(
+        [rigid_rectangle("floor", (1.0, 0.1), (0.25, -0.05), 1.0), *blocks], supports=[fcsim.Support("floor", ("x", "y", "rz"))]
+    )
+
+    def said(glue: dict[str | tuple[str, str], fcsim.contact_law.Law]) -> list[str]:
+        law = laws_of_bodies(model, glue, Gap())
+        simulation = fcsim.Simulation(model, fcsim.Everything(model, mu=0.3), fcsim.QuasiStatic(0.1, 1e-6, law=law), 1)
+        return [text for text in simulation._opening(fcsim.timestep.state.at_rest(model, h=0.1)) if "the glue between" in text]
+
+    brittle, tough = (Cohesive(tension=f, shear=f, mode_1=10.0, mode_2=10.0) for f in (1e6, 1e4))  # E G / f^2: 1 cm, 100 m; points: 5 cm
+    (text,) = said({("floor", "1"): brittle, ("floor", "2"): tough})
+    assert "between '1' and 'floor'" in text
+    assert not said({("0", "1"): brittle})  # which stand apart

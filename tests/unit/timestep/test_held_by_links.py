@@ -1,5 +1,6 @@
 """Bodies that touch where links hold them along the normal, as wheels on pins: no reaction there has an effect."""
 
+import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
@@ -11,6 +12,7 @@ from fcsim import (
     Force,
     Hinge,
     Linkage,
+    QuasiStatic,
     Simulation,
     Slider,
     Step,
@@ -77,3 +79,18 @@ def test_a_link_that_drives_a_body_into_its_wall_is_refused() -> None:
     simulation = Simulation(model, Everything(model, mu=0.5), Theta(1e-2), 20, linkage=Linkage(model, [guide, control]))
     with pytest.raises(InputError, match=r"supports or links drive 'block' and 'wall' 0\.00[0-9]+ m into each other"):
         list(simulation)
+
+
+@pytest.mark.parametrize("gap", [1e-4, 1e-3])
+def test_an_eccentric_disc_is_stopped_past_its_dead_point(gap: float) -> None:
+    """Its centre lies e = 0.05 m beside its pin, away from a wall: the wall's normal meets the pin, which holds the disc along it until it
+    has turned. A moment M turns it to cos a = 1 - gap / e, where the wall bears M / (e sin a). It "drove into the wall", or did not
+    settle."""
+    e, M = 0.05, 0.01
+    disc, wall = rigid_sphere("disc", 2 * e, (-e, 0.0), 1.0), rigid_rectangle("wall", (1.0, 4.0), (0.5 + e + gap, 0.0), 1.0)
+    model = build_model([disc, wall], supports=[Support("wall", ("x", "y", "rz"))], loads=[Force("disc", (0.0, 0.0), (M,))])
+    linkage = Linkage(model, [Ball("pin", "disc", None, (0.0, 0.0))])
+    *_, step = Simulation(model, ExactContacts(model, mu=0.0), QuasiStatic(0.5, 1e-6), 2, linkage=linkage, witness=None)
+    turned = np.arccos(1 - gap / e)
+    assert step.state.x[2] == pytest.approx(turned, rel=1e-5)
+    assert abs(step.force_in_space.sum(axis=0)[0]) == pytest.approx(M / (e * np.sin(turned)), rel=1e-5)

@@ -88,12 +88,13 @@ def test_dynamics_follow_it() -> None:
         pinned([(3.0, 0.0, 0.0)])
 
 
-def cube(material: AnyMaterial, kinematics: str = "turning", beside: float | None = 0.0) -> fcsim.Simulation:
-    """A cube of 1 m and 2 t on two balls above its centre or so far `beside` it [m], None: on an edge whose nodes supports hold."""
+def cube(material: AnyMaterial, kinematics: str = "turning", beside: float | None = 0.0, z: float = 1.0) -> fcsim.Simulation:
+    """A cube of 1 m and 2 t on two balls at the height z above its centre or so far `beside` it [m], None: on an edge whose nodes supports
+    hold."""
     body = Body("cube", brick("cube", (1.0, 1.0, 1.0), (2, 2, 2), material), kinematics=kinematics)  # type: ignore[arg-type]
     supports = [fcsim.Support("cube", ("x", "y", "z"), at=(x, 0.0, 1.0)) for x in (0.0, 1.0)] if beside is None else []
     model = fcsim.build_model([body], supports=supports, gravity=(0.0, 0.0, -9.81))
-    balls = [Ball(f"ball {x:.0f}", None, "cube", (x, 0.5 + (beside or 0.0), 1.0)) for x in (0.0, 1.0)]
+    balls = [Ball(f"ball {x:.0f}", None, "cube", (x, 0.5 + (beside or 0.0), z)) for x in (0.0, 1.0)]
     linkage = None if beside is None else Linkage(model, balls)
     return fcsim.Simulation(model, fcsim.Everything(model, mu=0.3), fcsim.QuasiStatic(1.0, 1e-6), 1, linkage=linkage, witness=None)
 
@@ -108,6 +109,13 @@ def test_a_turning_body_hangs_on_two_balls(beside: float) -> None:
     assert weight @ simulation.model.positions(step.state.x)[:, 1] / weight.sum() == pytest.approx(0.5 + beside, abs=1e-8)
     for name in ("ball 0", "ball 1"):
         assert step.link_force(name)[1:] == pytest.approx([0.0, -9810.0], abs=9810 * 1e-6)  # on the ground
+
+
+@pytest.mark.parametrize(("beside", "z"), [(0.0, 0.0), (0.001, 0.0), (0.02, 0.0), (0.0, 0.4)])
+def test_a_turning_body_that_balances_on_two_balls_is_no_answer(beside: float, z: float) -> None:
+    """Below its centre they cannot hold it. It came to stand upright above them, turned against its weight by up to 2.3 degrees."""
+    with pytest.raises(NotConverged, match="statics of turning bodies of linear material have no stiffness"):
+        list(cube(Material(1e8, 0.2, 2000.0), beside=beside, z=z))
 
 
 def test_a_turning_body_that_falls_far_says_why_statics_end() -> None:

@@ -12,6 +12,7 @@ from fcsim.assembly.model import Model
 from fcsim.contact_detection import Contacts, Detection
 from fcsim.contact_law import Cohesive
 from fcsim.contact_law.cohesive import BONDED_WITHIN
+from fcsim.contact_law.table import LawTable
 from fcsim.mesh.part import Body
 from fcsim.timestep.remarks.of_laws.known_laws import single_laws
 from fcsim.timestep.scheme import Scheme
@@ -24,21 +25,21 @@ def coarse_glue(model: Model, scheme: Scheme, detector: Detection, positions: Fl
     """The remark on the two bodies whose glue has the fewest points in the zone.
 
     Ahead of a crack glue of the strength f_t yields along l = E G_I / f_t^2 of a thick body, and along (E G_I / f_t^2)^(1/4) t^(3/4) of
-    one of thickness t where that is less. Of several laws that with the longest zone counts.
+    one of thickness t where that is less.
     Sources: A. Hillerborg, M. Modeer, P. Petersson, Cem. Concr. Res. 6, 1976; Q. Yang, B. Cox, Int. J. Fract. 133, 2005; three elements:
     A. Turon, C. Davila, P. Camanho, J. Costa, Eng. Fract. Mech. 74, 2007.
     """
-    glue = [law for law in single_laws(scheme.law) if isinstance(law, Cohesive)]
-    if not glue:
+    if not any(isinstance(law, Cohesive) for law in single_laws(scheme.law)):
         return
-    length = max(_energy(law) / law.tension**2 for law in glue)
     contacts, found = detector(positions), list[tuple[float, float, float, list[int]]]()
     contacts = contacts.take(contacts.gap <= BONDED_WITHIN * model.extents[contacts.bodies].min(axis=1))
-    for pair in np.unique(np.sort(contacts.bodies, axis=1), axis=0).tolist():
-        zones = [zone for number in pair if (zone := _zone(model, number, length)) is not None]
-        apart = _spacing(contacts.take(np.all(np.sort(contacts.bodies, axis=1) == pair, axis=1)))
-        if zones and min(zones) < WITHIN * apart:
-            found.append((min(zones) / apart, min(zones), apart, pair))
+    for law, glued in _glued(scheme.law, contacts):
+        length = _energy(law) / law.tension**2
+        for pair in np.unique(np.sort(glued.bodies, axis=1), axis=0).tolist():
+            zones = [zone for number in pair if (zone := _zone(model, number, length)) is not None]
+            apart = _spacing(glued.take(np.all(np.sort(glued.bodies, axis=1) == pair, axis=1)))
+            if zones and min(zones) < WITHIN * apart:
+                found.append((min(zones) / apart, min(zones), apart, pair))
     if found:
         _, zone, apart, pair = min(found)
         one, other = (model.bodies[number].name for number in pair)
@@ -48,6 +49,18 @@ def coarse_glue(model: Model, scheme: Scheme, detector: Detection, positions: Fl
             f"hundreds of problems a step for, if they follow them. What helps: facets so short that {WITHIN:.0f} points are within that, "
             "or, with the same energy, a lower strength"
         )
+
+
+def _glued(law: object, contacts: Contacts) -> Iterator[tuple[Cohesive, Contacts]]:
+    """Each glue among a law and those in it, with its own contacts."""
+    if isinstance(law, Cohesive):
+        yield law, contacts
+    elif isinstance(law, LawTable):
+        number = law.number_of(contacts)
+        for k, one in enumerate(law.laws):
+            yield from _glued(one, contacts.take(number == k))
+    elif (beside := getattr(law, "law", None)) is not None:
+        yield from _glued(beside, contacts)
 
 
 def _energy(law: Cohesive) -> float:
