@@ -86,7 +86,8 @@ def held_by_links(model: Model, linkage: Linkage, x: FloatArray, H: sp.sparray, 
     have turned no longer, as an eccentric disc on a pin at its dead point, whose contact is to stop it."""
     held, pairs = np.zeros(len(contacts), dtype=bool), np.sort(contacts.bodies, axis=1)
     kept = np.flatnonzero(np.isinf(linkage.stiffness))
-    if not len(held) or not len(kept):
+    touch = contacts.gap <= TOUCHES * proportions.size_at(contacts)
+    if not len(kept) or not (touch.any() or linkage.driven[kept].any()):
         return held
     weight = np.ones(model.n_dofs)
     size = proportions.size[len(model.deformable) :, None]
@@ -102,7 +103,7 @@ def held_by_links(model: Model, linkage: Linkage, x: FloatArray, H: sp.sparray, 
     count = len(model.bodies)
     of_row = np.where(first >= 0, first * count + last, -1)
     own = pairs[:, [0, 1, 0]] * count + pairs[:, [0, 1, 1]]  # of rows of one of both bodies beside what does not move, or of both
-    may = (contacts.gap <= TOUCHES * proportions.size_at(contacts)) | np.isin(own, of_row[linkage.driven[kept]]).any(axis=1)
+    may = touch | np.isin(own, of_row[linkage.driven[kept]]).any(axis=1)
     linked = may & np.isin(own, of_row).any(axis=1) & (contacts.identity < CABLES)
     for numbers in np.unique(own[linked], axis=0):
         between = np.flatnonzero(linked & (own == numbers).all(axis=1))

@@ -26,7 +26,7 @@ from fcsim.timestep.chain import Attempt, Clock, SolverSettings, settings_of_mod
 from fcsim.timestep.encounter import Anew, Encounter, Told, encounter, met_on_the_way
 from fcsim.timestep.energy import Energy
 from fcsim.timestep.links.linked import linked
-from fcsim.timestep.links.mechanisms import balances
+from fcsim.timestep.links.mechanisms import unstable
 from fcsim.timestep.reactions.warm_start import MEMORY
 from fcsim.timestep.scheme import Scheme
 from fcsim.timestep.state import State, updated
@@ -38,7 +38,7 @@ from fcsim.timestep.step_equation.linearisation import TOLERANCE, Linearisation,
 from fcsim.timestep.step_equation.look_ahead.ahead import ROUNDS, borne_at_first, looked_ahead
 from fcsim.timestep.step_equation.loops.heavier import heavier
 from fcsim.timestep.step_equation.penetration import AtEnd, at_end
-from fcsim.timestep.step_equation.sequence import FREE, LOOSE, solve_equation
+from fcsim.timestep.step_equation.sequence import FREE_MOTION, LOOSE, solve_equation
 from fcsim.timestep.step_equation.settling import solve_settled
 
 
@@ -238,7 +238,7 @@ class Substep:
                 continue
             ahead = looked_ahead(model, run.detection, scheme, state, met, v, after) if looks < ROUNDS else None
             self.clock.lap("detection")
-            if ahead is None and equation.elastic.heavier and self._balances(equation, answer, after):
+            if ahead is None and equation.elastic.heavier and self._unstable(equation, answer, after):
                 return None
             if ahead is None and not equation.borne:
                 return _Solved(answer, past, impulse, after, looks < ROUNDS)
@@ -247,7 +247,7 @@ class Substep:
             borne = borne_at_first(model, run.detection, scheme, met, seen) if equation.borne and looks < ROUNDS else 0.0
             equation = replace(equation, met=met, linked=links.rows, borne=borne)
 
-    def _balances(self, equation: Equation, answer: Answer, after: State) -> bool:
+    def _unstable(self, equation: Equation, answer: Answer, after: State) -> bool:
         """Whether the answer of statics that more mass leads to is one from which bodies would fall, which is then said; not asked where
         contacts bear."""
         run, model = self.run, self.run.model
@@ -255,11 +255,11 @@ class Substep:
             return False
         end = model.elastic.at(after.x)
         force = model.elastic.force(end, end, 1.0, None)
-        if fall := balances(model, run.linkage, after, force):
+        if falls := unstable(model, run.linkage, after, force):
             self.attempts.append(
-                Attempt("turning bodies", FREE, "balances where it would fall", 1.0, 1, equation.share, TOLERANCE, why=LOOSE)
+                Attempt("turning bodies", FREE_MOTION, "balances where it would fall", 1.0, 1, equation.share, TOLERANCE, why=LOOSE)
             )
-        return fall
+        return falls
 
     def _anew(self, start: Moment, equation: Equation) -> Anew | None:
         """What finds contacts at the iterates of a step of statics; None in dynamics."""

@@ -68,8 +68,8 @@ def free_motions(model: Model, linkage: Linkage, state: State) -> FloatArray:
     return E @ _free(model, linkage, state.x, E).T
 
 
-def balances(model: Model, linkage: Linkage, state: State, force: FloatArray) -> bool:
-    """Whether deformable bodies in equilibrium balance where they would fall, along a motion that links leave.
+def unstable(model: Model, linkage: Linkage, state: State, force: FloatArray) -> bool:
+    """Whether the equilibrium of deformable bodies is one from which they would fall, along a motion that links leave.
 
     force (n_dofs,) [N]: F of their stress, so that loads and links hold them by F. Turning on by w, v = w x (x - p), points have the
     acceleration w x v and the energy of what loads them the second derivative -F . (w x v): it is negative of some such motion.

@@ -103,7 +103,7 @@ def _solved(equation: Equation, solver: StepSolver, past: Past) -> tuple[Answer 
         term = mixing.next_point(elastic.of_dofs(allowed))
         clock.lap("assembly")
     apart, why = TOLERANCE * float(change.max()), "" if equation.scheme.timing.moving else LOOSE
-    attempts.append(Attempt("turning bodies", FREE, "did not settle", apart, elastic.iterations, equation.share, TOLERANCE, why=why))
+    attempts.append(Attempt("turning bodies", FREE_MOTION, "did not settle", apart, elastic.iterations, equation.share, TOLERANCE, why=why))
     return None, past
 
 
@@ -143,7 +143,7 @@ def _start(
     return reactions[0].transfer(met.contacts, met.rows) if reactions else np.zeros(rolling.problem.m)
 
 
-FREE = "the free motion"
+FREE_MOTION = "the free motion"
 LOOSE = (
     "statics of turning bodies of linear material have no stiffness by the stress in them, so that what supports and links leave free to "
     "turn does not settle: hold it, take a larger eta in more steps, or follow it in dynamics"
