@@ -166,3 +166,29 @@ def test_an_edge_at_an_angle_to_the_cells_is_held_once_the_face_is_folded_beneat
         *_, last = Simulation(model, Everything(model, 0.0), QuasiStatic(0.2), 5, limits=unlimited)
         force[cells] = last.contact_force_on("bar")[2]
     assert 0.8 * force[24] < force[1] < force[24]  # it is held at fewer places
+
+
+@pytest.mark.parametrize(("length", "mass"), [(1.0, 1.0), (1e3, 1e-3)], ids=["m, kg", "mm, t"])
+def test_a_plate_on_three_knives_has_the_reactions_of_a_beam_of_two_spans(length: float, mass: float) -> None:
+    """Clapeyron's equation of three moments: M_0 = -q a^2 / 2 over the outer knives, 4 M_1 + 2 M_0 = -q l^2 / 2 over the inner one."""
+    a, span, stress = 0.05, 0.5, mass / length  # lengths as shares of the unit
+    part = brick(
+        "plate",
+        (length * (1 + 2 * a), 0.4 * length, HEIGHT * length),
+        (13, 3, 1),
+        Material(E * stress, 0.0, 7800.0 * mass / length**3),
+        elements="Q1-enhanced",
+    )
+    plate = Body("plate", part, translation=(-(span + a) * length, -0.2 * length, 0.0))
+    knives = [
+        rigid_polyhedron(n, length * np.array([(x + s, y, z) for y in (-0.7, 0.7) for s, z in SECTION]), 1000.0 * mass / length**3)
+        for n, x in (("left", -span), ("middle", 0.0), ("right", span))
+    ]
+    held = [Support(k.name, ALL) for k in knives]
+    model = build_model([plate, *knives], supports=held, loads=[Traction("plate", "z+", (0.0, 0.0, -PRESSURE * stress))])
+    *_, last = Simulation(model, Everything(model, 0.2), QuasiStatic(0.5, eta=200.0), 3)
+    outer = -(a**2) / 2
+    inner = -(span**2) / 8 - outer / 2
+    side = a + span / 2 + (inner - outer) / span
+    share = np.array([-last.contact_force_on(k.name)[2] for k in knives]) / (PRESSURE * stress * 0.4 * length**2)
+    assert_allclose(share, [side, 1 + 2 * a - 2 * side, side], rtol=0.01)
