@@ -58,7 +58,11 @@ def _forgets(frame: FrameType | None) -> bool:
 def ended_politely() -> Iterator[None]:
     """SIGTERM, and SIGINT and SIGHUP unless they are ignored (nohup, jobs in the background), raise `Ended` within the block; a reader that
     left raises BrokenPipeError instead of killing. What an `__init__` that was so ended left without its attributes goes without a word:
-    its `__del__` misses them, as LLVM's values do while a kernel is compiled."""
+    its `__del__` misses them, as LLVM's values do while a kernel is compiled. In other threads than the main one nothing is changed:
+    signals go to that one."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
     _heard.clear()
     told = sys.unraisablehook
 

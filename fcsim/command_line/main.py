@@ -21,7 +21,7 @@ from fcsim.command_line.start import begin, cases, completion, doctor
 from fcsim.command_line.terminal import any_encoding, one_line, open_streams, prints_aside, say, silence, write
 from fcsim.errors import EXIT_BAD_INPUT, EXIT_INTERRUPTED, EXIT_OK, FcsimError, InputError
 from fcsim.files import refuse_unwritable_place
-from fcsim.interrupts import ended_by, is_interrupt
+from fcsim.interrupts import ended_by, ended_politely, is_interrupt
 from fcsim.ranks import asked_ranks, end_with, own_rank, sharing
 from fcsim.records import json_text
 from fcsim.runtime import limited_threads
@@ -124,7 +124,7 @@ def _acted(options: argparse.Namespace) -> tuple[int, str]:
     try:
         _refuse_ranks(options.command, getattr(options, "launcher", None))
         _refuse_unwritable(options)
-        with sharing() if options.command in SHARED else nullcontext(), limited_threads():
+        with sharing() if options.command in SHARED else nullcontext(), limited_threads(), ended_politely():
             return int(options.act(options)), ""
     except FcsimError as error:
         return EXIT_BAD_INPUT, str(error)

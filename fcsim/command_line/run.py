@@ -16,7 +16,6 @@ from fcsim.command_line.compiling import saying_so
 from fcsim.command_line.progress import show_step
 from fcsim.command_line.terminal import Bar, print_table, say
 from fcsim.errors import EXIT_INTERRUPTED, EXIT_NOT_CONVERGED, EXIT_OK
-from fcsim.interrupts import ended_politely
 from fcsim.memory import any_size
 
 if TYPE_CHECKING:
@@ -92,7 +91,7 @@ def _run(options: argparse.Namespace) -> int:
         "witness_every": options.witness_every,
         "witness_tolerance": options.witness_tolerance,
     }
-    with ended_politely(), any_size() if options.any_size else nullcontext(), Bar("step") as bar, saying_so(bar.say):
+    with any_size() if options.any_size else nullcontext(), Bar("step") as bar, saying_so(bar.say):
         summary = run_case(
             script,
             assignments,

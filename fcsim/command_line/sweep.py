@@ -20,7 +20,7 @@ from fcsim.command_line.assignments import (
 )
 from fcsim.command_line.terminal import Bar, print_table, say
 from fcsim.errors import EXIT_INTERRUPTED, EXIT_NOT_CONVERGED, EXIT_OK, InputError
-from fcsim.interrupts import ended_by, ended_politely
+from fcsim.interrupts import ended_by
 from fcsim.tables import cell
 
 if TYPE_CHECKING:
@@ -107,7 +107,7 @@ def _sweep(options: argparse.Namespace) -> int:
     if twins:
         say(f"combinations that have the values of others are made once: {len(chosen)} given, {len(plan.runs)} to be made", to_stderr=True)
     try:
-        with ended_politely(), Bar("runs", lines=0) as bar:
+        with Bar("runs", lines=0) as bar:
             made = sweep(plan, directory, settings, launch=_launch(options, settings, directory), watch=_Shown(bar).update)
     except KeyboardInterrupt as interrupt:
         say(f"fcsim: interrupted by {ended_by(interrupt)}; the same command goes on ({directory / 'results.csv'})", to_stderr=True)

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 from fcsim.command_line.assignments import add_launcher, checked_tolerance, cluster_of, positive, read_assignments
 from fcsim.command_line.terminal import Bar, print_table, say
 from fcsim.errors import EXIT_NOT_CONVERGED, EXIT_OK
-from fcsim.interrupts import ended_politely
 
 if TYPE_CHECKING:
     from fcsim.collection.select import Selection
@@ -119,7 +118,7 @@ def _build(options: argparse.Namespace) -> int:
         spectrum_up_to=options.spectrum_up_to,
         overwrite=options.overwrite,
     )
-    with ended_politely(), Bar("problems", lines=0) as bar:
+    with Bar("problems", lines=0) as bar:
         if cluster is not None:
             built = build_by_job(build, cluster)
         else:
@@ -135,7 +134,7 @@ def _select(options: argparse.Namespace) -> int:
     from fcsim.collection.select import select_problems
 
     checked_tolerance(options.tol)
-    with ended_politely(), Bar("problems", lines=0) as bar:
+    with Bar("problems", lines=0) as bar:
         selection = select_problems(
             options.directory,
             options.out,
@@ -155,7 +154,7 @@ def _select(options: argparse.Namespace) -> int:
 def _compose(options: argparse.Namespace) -> int:
     from fcsim.collection.compose import compose_collection, read_recipe
 
-    with ended_politely(), Bar("problems", lines=0) as bar:
+    with Bar("problems", lines=0) as bar:
         selection, complete = compose_collection(
             options.recipe,
             options.out,
@@ -187,7 +186,7 @@ def _say_of(selection: Selection, solver: str) -> None:
 def _check(options: argparse.Namespace) -> int:
     from fcsim.collection.check import check_collection
 
-    with ended_politely(), Bar("problems", lines=0) as bar:
+    with Bar("problems", lines=0) as bar:
         rows = check_collection(options.directory, _progress(bar))
     header = ("file", "nc", "n", "m", "error", "stated", "cone", "equations", "verdict")
     table = [

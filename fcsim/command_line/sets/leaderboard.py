@@ -29,7 +29,6 @@ from fcsim.command_line.sets.measuring import (
 )
 from fcsim.command_line.terminal import Bar, print_table, say
 from fcsim.errors import EXIT_BAD_INPUT, EXIT_OK, InputError
-from fcsim.interrupts import ended_politely
 from fcsim.version import __version__
 
 if TYPE_CHECKING:
@@ -175,7 +174,7 @@ def _problems(options: argparse.Namespace) -> tuple[list[Entry], dict[tuple[str,
         places |= {file: (f"FCLIB {folder.resolve().stem}", "FCLIB files as they are.", None) for file in files}
     sizes = _numbers("--sizes", options.sizes, f"numbers of contacts from 1 to {LARGEST}", 1, LARGEST)
     seeds = _numbers("--seeds", options.seeds, "integers >= 0", 0)
-    with ended_politely(), Bar("problems", lines=0) as bar:
+    with Bar("problems", lines=0) as bar:
         made = write_problems(options.folder / PROBLEMS, families, sizes, seeds, bar.update) if families else {}
     places = {file: (name, FAMILIES[name].about, FAMILIES[name].solvable) for file, name in made.items()} | places
     found, notes = entries([*made, *options.fclib])

@@ -15,7 +15,7 @@ from fcsim.command_line.assignments import LAUNCHERS, add_launcher, add_plugin_o
 from fcsim.command_line.terminal import Bar, say
 from fcsim.errors import EXIT_INTERRUPTED, InputError
 from fcsim.files import replacing
-from fcsim.interrupts import ended_by, ended_politely
+from fcsim.interrupts import ended_by
 from fcsim.version import __version__
 
 if TYPE_CHECKING:
@@ -151,7 +151,7 @@ def measured(options: argparse.Namespace, plan: Plan, directory: Path, about: Ma
         with replacing(directory / "bench.json") as temporary:
             temporary.write_text(json.dumps(circumstances, indent=1) + "\n", encoding="utf-8")
 
-    with ended_politely(), Bar("measured", lines=20, own_estimate=True) as bar:
+    with Bar("measured", lines=20, own_estimate=True) as bar:
         return bench(plan, directory, launch, Shown(bar).update, started)
 
 
