@@ -20,6 +20,7 @@ _NOTHING = 1e-3  # of the multiplier of a fall: an associative one below it is z
 _THIN = 1e-6  # of a structure's extent: contacts that span less are one point or one line
 _OTHER_GRAVITY = 2.0  # times g, or its part, is another unit of length, or another planet
 _ALONG, _FLAT, _LAYERS = 0.9, 0.5, 3  # of a normal, of height and width, blocks on each other: a wall that lies on its side
+_CANCELS = 1e-6  # of the largest load: what is left of loads that cancel, by a program's digits
 _NAMED = 5  # blocks that are named before "and n more"
 
 
@@ -64,6 +65,11 @@ def _of_the_model(analysis: LimitAnalysis) -> list[str]:
         said.append(
             "no multiplier ends what the structure bears: forces of joints are some that bear the loads that stay, one choice of many"
         )
+    if _lifted(analysis):
+        said.append(
+            "at the multiplier the loads cancel on every block, and no joint bears anything: any motion that opens none the wrong way is a "
+            "mechanism, the one shown is one choice of many"
+        )
     if analysis.coulomb.dilatancy:
         said.append(
             "the rounds that find Coulomb's multiplier settle only where slip opens joints a little, by "
@@ -93,6 +99,15 @@ def lies_down(contacts: Contacts, held: np.ndarray, problem: MasonryProblem) -> 
     x, y, z = np.ptp(points, axis=0)
     layers = len(np.unique(contacts.bodies[between][normal[:, 1] > _ALONG]))
     return bool(borne and z < _FLAT * min(x, y) and layers >= _LAYERS and not np.any(normal[:, 2] > 1 - _ALONG))
+
+
+def _lifted(analysis: LimitAnalysis) -> bool:
+    """Whether the loads at the multiplier cancel on every free block, as those that lift it by its own weight."""
+    limit, least = analysis.limit, analysis.lowest
+    if least.outcome != "limit":
+        return False
+    left = (limit.dead + least.multiplier * limit.live)[limit.free]
+    return bool(np.abs(left).max(initial=0.0) <= _CANCELS * limit.scale)
 
 
 def _apart(analysis: LimitAnalysis) -> str:

@@ -46,3 +46,15 @@ def test_what_no_load_ends_has_the_forces_of_the_loads_that_stay(dimension: int)
     assert found.lowest.outcome == "unbounded" and found.lowest.multiplier == math.inf
     assert found.joints[0].normal_force == pytest.approx(0.5 * 0.3 * 0.3 * 2000.0 * 9.81, rel=1e-6)
     assert any("forces of joints are some that bear the loads that stay" in said for said in remarks(found, None))
+
+
+@pytest.mark.parametrize(("way", "said"), [((0.0, 0.0, 1.0), True), ((1.0, 0.0, 0.0), False)])
+def test_what_is_lifted_by_its_own_weight_has_many_mechanisms(way: tuple[float, float, float], said: bool) -> None:
+    """Stones that lift were said to slide and to stay closed, by chance of the program, without a word."""
+    floor = Block(closed_surface("floor", CORNERS * (6, 1, 0.5) - (2, 0, 0.5), FACES), support=True)
+    lower = Block(closed_surface("lower", CORNERS * (1, 0.3, 0.3), FACES), density=2000.0)
+    upper = Block(closed_surface("upper", CORNERS * (0.9, 0.3, 0.3) + (0.1, 0, 0.3), FACES), density=2000.0)
+    found = analyse(pushed(MasonryProblem("lifted", 2, (floor, lower, upper), mu=0.5), way))
+    if said:
+        assert found.associative.multiplier == pytest.approx(1.0, abs=1e-9)
+    assert any("the one shown is one choice of many" in remark for remark in remarks(found, None)) == said
