@@ -120,6 +120,28 @@ def blurred(z: float, parts: float, scale: float, tol: float, mu: float = 0.0) -
     )
 
 
+NEGATIVE = 1e-9
+"""Share of the largest by which eigenvalues, or the work of reactions, are below zero beyond round-off."""
+
+
+def indefinite(blocks: FloatArray, r: FloatArray, moved: FloatArray) -> str:
+    """What there is to say where W is seen not to be positive semidefinite, empty where it is not seen.
+
+    blocks (nc, d, d): W_aa; moved (m,): W r. A necessary condition each: no W_aa has a negative eigenvalue, and r . W r >= 0. The W of masses
+    and stiffnesses meets both; of others an answer may not exist, and no method is made for them.
+    """
+    own = np.linalg.eigvalsh(0.5 * (blocks + blocks.transpose(0, 2, 1))) if np.isfinite(blocks).all() else np.zeros((0, 1))
+    bad = np.flatnonzero(own[:, 0] < -NEGATIVE * np.abs(own).max(initial=0.0))
+    work = float(r @ moved)
+    if len(bad):
+        seen = f"the block of contact {bad[0]} has the eigenvalue {own[bad[0], 0]:.1e}"
+    elif work < -NEGATIVE * float(np.linalg.norm(r) * np.linalg.norm(moved)):
+        seen = f"r . W r = {work:.1e} of the last r"
+    else:
+        return ""
+    return f"W is not positive semidefinite ({seen}), as H^T M^-1 H of masses and stiffnesses is: look for a sign in W, M or K"
+
+
 def error(problem: LocalProblem, r: FloatArray, u: FloatArray | None = None, floor: float = 0.0) -> float:
     """Return the published error ||r - P_K(r - (u + g(u)))|| / max(||q||, floor), u = W r + q (eq. 13 of Acary, Brémond, Huber 2018).
 

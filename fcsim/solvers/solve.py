@@ -14,7 +14,7 @@ from fcsim.linear.factors import SingularMatrix
 from fcsim.problem import Answer, Followed, GlobalProblem, LocalProblem, Reduced, check, natural_map_residual
 from fcsim.problem.distributed import DistributedDelassus
 from fcsim.problem.elimination import Elimination
-from fcsim.problem.judge import blurred, outweighed, relative
+from fcsim.problem.judge import blurred, indefinite, outweighed, relative
 from fcsim.problem.reduction import Reduction, reduced
 from fcsim.problem.rolling import GlobalRollingProblem
 from fcsim.runtime import limited_threads
@@ -157,10 +157,17 @@ def _judged(
         history=monitor.history,
         seconds={"reduction": clock[1] - clock[0], "solve": time.perf_counter() - clock[1]},
         method=solver,
-        message="; ".join(filter(None, (iterate.message, remark, known))),
+        message="; ".join(filter(None, (iterate.message, remark, known, _wrong_sign(status, given, r, answer.u)))),
         memory=monitor.memory,
         certificate=iterate.certificate if status is Status.INFEASIBLE else None,
     )
+
+
+def _wrong_sign(status: Status, given: Reduced, r: FloatArray, u: FloatArray) -> str:
+    """What `indefinite` says of a problem that was not solved; nothing of one whose q follows u."""
+    if status in (Status.SOLVED, Status.INFEASIBLE) or not isinstance(given, LocalProblem | Reduction | Elimination):
+        return ""
+    return indefinite(given.diagonal_blocks, r, u - given.q)
 
 
 def _parts_of_q(given: Reduced) -> float:

@@ -395,3 +395,14 @@ def test_whole_numbers_beyond_64_bits_are_floats_or_refused() -> None:
     assert solve(problem, "EG-VI-UTK", rho=10**20, max_iterations=5).error >= 0
     with pytest.raises(InputError, match="option rho: expected a number, got '1000"):
         solve(problem, "EG-VI-UTK", rho=10**400)
+
+
+@pytest.mark.parametrize("form", ["local", "global"])
+@pytest.mark.parametrize("solver", ["NSN-AC", "NSGS-AC"])
+def test_a_wrong_sign_of_the_matrix_is_named(form: str, solver: str) -> None:
+    """W = -1 has no answer where q_N < 0: u_N = q_N - r_N < 0 for every r_N >= 0. It was STAGNATED, without a word."""
+    mu, q = np.array([0.5]), np.array([-1.0, 0.5, 0.2])
+    wrong = LocalProblem(-np.eye(3), q, mu) if form == "local" else GlobalProblem(-np.eye(3), np.eye(3), -q, np.zeros(3), mu)
+    found = solve(wrong, solver, max_iterations=50)
+    assert not found.solved and "W is not positive semidefinite" in found.message
+    assert "semidefinite" not in solve(problem(), "NSGS-AC", tol=1e-12, max_iterations=3).message
