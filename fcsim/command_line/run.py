@@ -44,7 +44,7 @@ def add_parser(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     run.add_argument("--export-every", type=int, metavar="K", help="write an FCLIB file every K steps, 0 = none (default 10)")
     run.add_argument(
         "--export-iterations",
-        action="store_true",
+        action=argparse.BooleanOptionalAction,
         default=None,
         help="of steps with nonlinear bodies write all problems of Newton's method, not the last alone",
     )

@@ -98,6 +98,8 @@ def outweighed(
 ROUND_OFF = float(np.finfo(np.float64).eps)
 BLURRED = 0.1
 """Share of the tolerance from which the error's own round-off is told."""
+PLAIN = 100
+"""Times round-off up to which an error is known as well as numbers allow."""
 
 
 def blurred(z: float, parts: float, scale: float, tol: float, mu: float = 0.0) -> str:
@@ -112,6 +114,8 @@ def blurred(z: float, parts: float, scale: float, tol: float, mu: float = 0.0) -
         if not mu * known > BLURRED * tol:
             return ""
         return f"friction of {mu:.0e} multiplies the round-off of sliding velocities: the error is known to {mu * known:.0e} alone"
+    if known <= PLAIN * ROUND_OFF:  # nothing cancels: it is the tolerance
+        return f"by round-off the error is known to {known:.0e} alone, which a tolerance of {tol:.0e} does not leave room for"
     if z > parts:
         return f"reactions are {relative(z, scale):.0e} times what ||q|| asks for: by round-off the error is known to {known:.0e} alone"
     return (

@@ -81,15 +81,19 @@ def test_a_resumed_run_writes_what_it_began_to_write(case_folder: Path, tmp_path
     """Options of the first command hold for the second, but where that says otherwise; they went back to the defaults without a word."""
     out, case = tmp_path / "out", str(case_folder)
     begun = ["--export-every", "2", "--export-form", "both", "--vtk-every", "0", "--witness-every", "0", "--checkpoint-every", "1"]
+    begun.append("--export-iterations")
     assert main(["run", case, "--steps", "2", "--out", str(out), *begun]) == 0
     assert main(["run", case, "--steps", "4", "--out", str(out), "--resume"]) == 0
     assert [len(list((out / "fclib" / form).iterdir())) for form in ("global", "local")] == [2, 2]
     assert not (out / "vtk").exists()
     first = json.loads((out / "run.json").read_text())["options"]
     assert (first["witness_every"], first["checkpoint_every"]) == (0, 1)
-    assert main(["run", case, "--steps", "6", "--out", str(out), "--resume", "--export-form", "local", "--vtk-every", "3"]) == 0
+    assert first["export_iterations"]
+    back = ["--no-export-iterations"]
+    assert main(["run", case, "--steps", "6", "--out", str(out), "--resume", "--export-form", "local", "--vtk-every", "3", *back]) == 0
     assert [len(list((out / "fclib" / form).iterdir())) for form in ("global", "local")] == [2, 3]
     assert len(list((out / "vtk").glob("blocks_*"))) == 1
+    assert not json.loads((out / "run.json").read_text())["options"]["export_iterations"]
 
 
 @pytest.mark.parametrize(

@@ -406,3 +406,10 @@ def test_a_wrong_sign_of_the_matrix_is_named(form: str, solver: str) -> None:
     found = solve(wrong, solver, max_iterations=50)
     assert not found.solved and "W is not positive semidefinite" in found.message
     assert "semidefinite" not in solve(problem(), "NSGS-AC", tol=1e-12, max_iterations=3).message
+
+
+def test_a_tolerance_below_round_off_is_called_so() -> None:
+    """Of numbers of 16 digits that do not cancel it was said that w and H^T M^-1 f cancel, or that reactions are large."""
+    p = problem()
+    said = solve(GlobalProblem(np.eye(p.m), np.linalg.cholesky(p.W).T, np.zeros(p.m), p.q, p.mu), "NSN-AC", tol=1e-17).message
+    assert "a tolerance of 1e-17 does not leave room for" in said and "cancel" not in said
