@@ -28,7 +28,6 @@ from fcsim.problem import GlobalProblem, Judge, LocalProblem
 from fcsim.problem.reduction import reduce
 from fcsim.running.case import Case, load_case
 from fcsim.running.folder import RunFolder, open_run
-from fcsim.running.known_cases import case_place
 from fcsim.running.run import RunOptions, run_case
 from fcsim.timestep.step import Step
 
@@ -97,7 +96,7 @@ def build_collection(
         if not is_run:
             # VTK files of the last step only
             options = RunOptions(export_every=every, export_iterations=iterations, vtk_every=1 << 60, checkpoint_every=0)
-            if run_case(load_case(case_place(source)), assignments or {}, made, options, watch=watch).status == "interrupted":
+            if run_case(load_case(source), assignments or {}, made, options, watch=watch).status == "interrupted":
                 raise KeyboardInterrupt
             if not any(made.rglob("*.hdf5")):
                 raise InputError(f"{source}: expected steps that every = {every} divides, to make a collection of; the run had none")

@@ -17,7 +17,6 @@ from fcsim.masonry.problem import MasonryProblem
 from fcsim.masonry.pushes import pushed, tilted
 from fcsim.masonry.structure import BlocksAre, Stone, free_nodes, structure
 from fcsim.running.case import Case, CaseScript, History, PlotWishes, Sensor, load_case
-from fcsim.running.known_cases import case_place
 from fcsim.timestep.chain import SolverSettings
 from fcsim.timestep.simulation import Simulation
 from fcsim.timestep.step import Step
@@ -75,7 +74,7 @@ def masonry_case(
 def any_case(path: str | Path) -> CaseScript:
     """The case of a script, of a folder that holds one, of a known case by its name where no such path is there, or of a masonry problem
     in JSON, solids or a mesh (z up, on a floor, mu 0.6, 2000 kg/m^3)."""
-    return masonry_case(path) if Path(path).suffix.lower() in MODELS else load_case(case_place(path))
+    return masonry_case(path) if Path(path).suffix.lower() in MODELS else load_case(path)
 
 
 def build(problem: MasonryProblem, p: Parameters) -> Case:

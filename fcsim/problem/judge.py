@@ -131,8 +131,8 @@ NEGATIVE = 1e-9
 def indefinite(blocks: FloatArray, r: FloatArray, moved: FloatArray) -> str:
     """What there is to say where W is seen not to be positive semidefinite, empty where it is not seen.
 
-    blocks (nc, d, d): W_aa; moved (m,): W r. A necessary condition each: no W_aa has a negative eigenvalue, and r . W r >= 0. The W of masses
-    and stiffnesses meets both; of others an answer may not exist, and no method is made for them.
+    blocks (nc, d, d): W_aa; moved (m,): W r. A necessary condition each: no W_aa has a negative eigenvalue, and r . W r >= 0. The W of
+    masses and stiffnesses meets both; of others an answer may not exist, and no method is made for them.
     """
     own = np.linalg.eigvalsh(0.5 * (blocks + blocks.transpose(0, 2, 1))) if np.isfinite(blocks).all() else np.zeros((0, 1))
     bad = np.flatnonzero(own[:, 0] < -NEGATIVE * np.abs(own).max(initial=0.0))

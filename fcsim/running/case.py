@@ -17,6 +17,7 @@ from fcsim.arrays import is_number
 from fcsim.brief import brief, shown
 from fcsim.errors import FcsimError, InputError
 from fcsim.files import plain_name, resolved, run_script, sha256
+from fcsim.running.known_cases import case_place
 from fcsim.timestep.simulation import Simulation
 from fcsim.timestep.step import Step
 
@@ -143,8 +144,9 @@ class CaseScript:
 
 
 def load_case(path: str | Path) -> CaseScript:
-    """Load the case script at `path`: a folder `cases/name` holding `name.py`, or the script itself."""
-    given = Path(path)
+    """Load the case script at `path`: a folder `cases/name` holding `name.py`, the script itself, or, where no such path is there, the name
+    of a case that comes with fcsim, as "arch"."""
+    given = case_place(path)
     script = given / f"{resolved(given).name}.py" if given.is_dir() else given
     if not script.is_file() or script.suffix != ".py":
         raise InputError(f"case {str(path)!r}: expected a folder NAME that holds NAME.py, or such a script; found no {script}")

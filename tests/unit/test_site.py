@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from fcsim import SOLVERS
+from fcsim.running.known_cases import known_cases
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
@@ -136,3 +137,10 @@ def test_what_a_page_would_load_from_a_network_is_seen(tmp_path):
     (tmp_path / "b.html").write_text('<script src="https://cdn.org/x.js"></script><link rel="stylesheet" href="//fonts.org/f.css">')
     (tmp_path / "c.css").write_text('@import "https://fonts.org/f.css"; p { background: url(own.png) }')
     assert [path.name for path, _ in offline.asked_elsewhere(tmp_path)] == ["b.html", "b.html", "c.css"]
+
+
+@pytest.mark.parametrize("lesson", LESSONS, ids=lambda path: path.stem)
+def test_lessons_load_their_cases_by_name(lesson):
+    """They run where a reader puts them."""
+    loaded = re.findall(r'load_case\("([^"]*)"\)', lesson.read_text(encoding="utf-8"))
+    assert set(loaded) <= {case.name for case in known_cases()}

@@ -9,7 +9,7 @@ presses the bracket to the wall is then less at the top than at the bottom. :doc
 from fcsim import load_case
 from fcsim.view import picture
 
-case = load_case("../../../cases/bracket")
+case = load_case("bracket")
 bracket = case.build(case.parameters(tightened=1, loaded=3, elements="P1"))
 *_, last = bracket.simulation
 loaded = picture(last, title=bracket.title)

@@ -9,7 +9,7 @@ friction circle: tan of that angle is mu. :doc:`The case </cases/shaft/README>`.
 from fcsim import load_case
 from fcsim.view import picture
 
-case = load_case("../../../cases/shaft")
+case = load_case("shaft")
 shaft = case.build(case.parameters(cells=(2, 48), steps=150))
 steps = list(shaft.simulation)
 climbing = picture(steps[-1], what="contacts", exaggeration=1.0, title=shaft.title)

@@ -9,7 +9,7 @@ on each side of the bound: nothing but their thickness differs. :doc:`The case <
 from fcsim import load_case
 from fcsim.view import picture
 
-case = load_case("../../../cases/arch")
+case = load_case("arch")
 thick = case.build(case.parameters(thickness_ratio=0.12, h=4e-3, steps=60))
 thin = case.build(case.parameters(thickness_ratio=0.09, h=4e-3, steps=100))
 *_, standing = thick.simulation

@@ -10,7 +10,7 @@ went in: :doc:`its page </cases/cohesive_panel/README>`.
 from fcsim import load_case
 from fcsim.view import picture
 
-case = load_case("../../../cases/cohesive_panel")
+case = load_case("cohesive_panel")
 panel = case.build(case.parameters(courses=3, width=2, speed=0.04, steps=160))
 steps = list(panel.simulation)
 cracked = picture(steps[79], steps[-1], title=panel.title)

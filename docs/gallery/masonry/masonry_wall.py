@@ -12,7 +12,7 @@ from pathlib import Path
 from fcsim import load_case
 from fcsim.view import picture
 
-case = load_case("../../../cases/masonry_wall")
+case = load_case("masonry_wall")
 small = case.parameters(courses=3, blocks=2.5, divisions=(4, 2, 2), shear_velocity=-1e-2, steps=80)
 wall = case.build(small)
 steps = list(wall.simulation)

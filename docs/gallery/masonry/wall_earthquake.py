@@ -9,7 +9,7 @@ come back to where they were. The full case has five courses and 0.8 s: :doc:`it
 from fcsim import load_case
 from fcsim.view import picture
 
-case = load_case("../../../cases/wall_earthquake")
+case = load_case("wall_earthquake")
 small = case.parameters(courses=3, blocks=1.5, divisions=(2, 1, 1), scale=3.0, h=2e-3, steps=160)
 wall = case.build(small)
 steps = list(wall.simulation)

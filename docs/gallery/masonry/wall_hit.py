@@ -9,7 +9,7 @@ The blocks are rigid, their contacts found between all bodies without a list. Th
 from fcsim import load_case
 from fcsim.view import picture
 
-case = load_case("../../../cases/wall_hit")
+case = load_case("wall_hit")
 wall = case.build(case.parameters(courses=4, blocks=3.0, height=0.4, steps=90))
 steps = list(wall.simulation)
 moments = picture(*[steps[k] for k in (2, 14, 39, 89)], exaggeration=1.0, title=wall.title)

@@ -9,7 +9,7 @@ Boxes that were set down a little turned and shifted, fall on each other and com
 from fcsim import load_case
 from fcsim.view import picture
 
-case = load_case("../../../cases/boxes")
+case = load_case("boxes")
 pile = case.build(case.parameters(across=4, gap=0.06, turn=2.0, h=4e-3, steps=80))
 steps = list(pile.simulation)
 resting = picture(steps[0], steps[-1], exaggeration=1.0, title=pile.title)

@@ -9,7 +9,7 @@ Spheres of several sizes are poured into a box. They are exact: their contacts a
 from fcsim import load_case
 from fcsim.view import picture
 
-case = load_case("../../../cases/granular")
+case = load_case("granular")
 heap = case.build(case.parameters(n=40, width=0.16, h=4e-3, steps=150))
 steps = list(heap.simulation)
 poured = picture(*[steps[k] for k in (9, 39, 74, 149)], exaggeration=1.0, title=heap.title)

@@ -9,7 +9,7 @@ middle and slips at its edges, and the stick zone shrinks as the push grows. :do
 from fcsim import load_case
 from fcsim.view import picture
 
-case = load_case("../../../cases/cattaneo_mindlin")
+case = load_case("cattaneo_mindlin")
 cylinder = case.build(case.parameters(divisions=12, steps=10))
 steps = list(cylinder.simulation)
 pushed = picture(steps[-1], exaggeration=1.0, title=cylinder.title)

@@ -9,7 +9,7 @@ A sphere pressed on a plane. Hertz (1881) knew the force that an approach d take
 from fcsim import load_case
 from fcsim.view import picture
 
-case = load_case("../../../cases/hertz")
+case = load_case("hertz")
 p = case.parameters(divisions=4, steps=6)
 sphere = case.build(p)
 steps = list(sphere.simulation)

@@ -10,7 +10,7 @@ high frequencies. :doc:`The case </cases/impact_bar/README>`.
 from fcsim import load_case
 from fcsim.view import picture
 
-case = load_case("../../../cases/impact_bar")
+case = load_case("impact_bar")
 runs = {scheme: case.build(case.parameters(elements=40, scheme=scheme)) for scheme in ("theta", "generalised-alpha")}
 steps = {scheme: list(run.simulation) for scheme, run in runs.items()}
 middle = len(steps["theta"]) // 2

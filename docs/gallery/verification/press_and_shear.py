@@ -10,7 +10,7 @@ surfaces (``mortar``), so that a constant pressure stays constant across the joi
 from fcsim import load_case
 from fcsim.view import picture
 
-case = load_case("../../../cases/press_and_shear")
+case = load_case("press_and_shear")
 blocks = case.build(case.parameters(top_divisions=(5, 5, 2), bottom_divisions=(7, 7, 2), shear_steps=6))
 steps = list(blocks.simulation)
 pressed_and_sheared = picture(steps[1], steps[-1], title=blocks.title)

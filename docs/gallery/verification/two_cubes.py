@@ -9,7 +9,7 @@ solvers are measured on. :doc:`The case </cases/two_cubes/README>`.
 from fcsim import load_case
 from fcsim.view import picture
 
-case = load_case("../../../cases/two_cubes")
+case = load_case("two_cubes")
 cubes = case.build(case.parameters(elements=6, steps=5))
 *_, last = cubes.simulation
 squeezed = picture(last, title=cubes.title)

@@ -133,3 +133,10 @@ def build(parameters):
             InputError, match=r"dice\.py, line 10: np\.random\.default_rng\(parameters\.seed\): ValueError: expected non-negative"
         ):
             case.build(case.parameters())
+
+
+def test_a_case_that_comes_with_fcsim_is_loaded_by_its_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As `fcsim run stack` does: the lessons of the gallery, taken from the site, found `../../../cases/stack` in no folder of a user."""
+    monkeypatch.chdir(tmp_path)
+    script = load_case("stack")
+    assert script.name == "stack" and "overhang" in {field.name for field in dataclasses.fields(script.parameters)}
