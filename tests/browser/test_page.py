@@ -178,3 +178,18 @@ def test_nothing_is_clipped_and_all_can_read_it(opened):
     axe = pytest.importorskip("axe_core_python.sync_playwright", reason="axe-core-python is not installed: pip install 'fcsim[browser]'")
     found = axe.Axe().run(opened)["violations"]
     assert [(rule["id"], [node["html"][:120] for node in rule["nodes"]]) for rule in found] == []
+
+
+@pytest.mark.parametrize(("width", "height"), [(1280, 900), (1000, 1400)])
+def test_what_is_wider_than_it_is_deep_and_high_is_seen_whole(visited, tmp_path, width, height):
+    """Bricks over an edge: the last one was cut off by the view's right side."""
+    run_case(load_case("cases/stack"), {"steps": "2"}, tmp_path / "stack", RunOptions(export_every=0, vtk_every=1))
+    render(tmp_path / "stack", film=None, page=True)
+    with visited(tmp_path / "stack" / "page.html", width, height) as page:
+        scene = "$('view')._fullLayout.scene._scene"
+        camera = [page.evaluate(f"Array.from({scene}.glplot.cameraParams.{name})") for name in ("model", "view", "projection")]
+        points = np.array(page.evaluate(f"['x', 'y', 'z'].map((axis, i) => $('view').data[1][axis].map(x => x * {scene}.dataScale[i]))"))
+    model, view, projection = (np.array(matrix).reshape(4, 4).T for matrix in camera)
+    seen = projection @ view @ model @ np.vstack([points, np.ones(points.shape[1])])
+    share = np.abs(seen[:2] / seen[3]).max()
+    assert 0.7 < share < 1.0

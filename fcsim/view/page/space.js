@@ -172,6 +172,19 @@ function gravityWord({ x, y, z }) {  // at the arrow's tail; not as the trace's 
 // What has nothing to show is not drawn at all: no program of the graphics card is compiled for it before the first picture.
 const seen = trace => ({ ...trace, visible: trace.x.length > 0 && (trace.i || trace.x).length > 0 });
 
+// The nearest eye that sees a whole box about the origin, from a direction. half: the box's half extents; plotly's camera opens 45 degrees
+// from top to bottom. A point c at the depth D - c.e is seen where |c.up| and |c.right| are at most that depth times the tangents.
+const OPENS = Math.tan(Math.PI / 8) * .94, SCALE_BESIDE = 90;  // px that the scale of colours takes
+
+function seenWhole(toward, upward, half, view) {
+  const dot = (a, b) => a.reduce((sum, q, i) => sum + q * b[i], 0), unit = a => a.map(q => q / Math.hypot(...a));
+  const e = unit(toward), up = unit(upward.map((q, i) => q - dot(upward, e) * e[i])), right = [1, 2, 0].map((j, i) => up[j] * e[3 - i - j] - up[3 - i - j] * e[j]);
+  const high = OPENS, wide = OPENS * Math.max(view.clientWidth - SCALE_BESIDE, 50) / Math.max(view.clientHeight, 50);
+  const corners = [...Array(8).keys()].map(k => half.map((h, i) => k >> i & 1 ? h : -h));
+  const far = Math.max(...corners.map(c => dot(c, e) + Math.max(Math.abs(dot(c, up)) / high, Math.abs(dot(c, right)) / wide)));
+  return { x: far * e[0], y: far * e[1], z: far * e[2] };
+}
+
 function drawSpace() {
   const xyz = positions(now), beyond = bodiesBeyond(xyz), edge = lines(xyz, beyond), { dots, arrows } = contactTraces(now), c = ink();
   if (beyond.size || !parts.length || parts.cut) choose(beyond);
@@ -179,9 +192,8 @@ function drawSpace() {
   const extent = run.high.map((h, i) => h - run.low[i]), most = Math.max(...extent);
   // invisible by parts: of an axis that is not `visible` plotly still makes all tick labels, letter by letter
   const axis = i => ({ showgrid: false, zeroline: false, showline: false, showticklabels: false, showspikes: false, showbackground: false, ticks: "", tickmode: "array", tickvals: [], title: { text: "" }, range: [run.low[i] - 0.04 * most, run.high[i] + 0.04 * most], autorange: false });
-  const view = $("view"), bulk = extent.toSorted((a, b) => b - a)[1] / most;
-  const far = Math.max(1, 1.25 * view.clientHeight / view.clientWidth) * (run.planar ? 0.75 + 0.4 * extent[1] / most : 0.85 + 0.4 * bulk);  // from where all fits in
-  const eye = Object.fromEntries(Object.entries(run.planar ? { x: 0, y: 0, z: 1.25 } : extent[0] >= extent[1] ? { x: .3, y: -1.15, z: .28 } : { x: 1.15, y: .3, z: .28 }).map(([axis, value]) => [axis, far * value]));
+  const toward = run.planar ? [0, 0, 1] : extent[0] >= extent[1] ? [.3, -1.15, .28] : [1.15, .3, .28], upward = run.planar ? [0, 1, 0] : [0, 0, 1];
+  const eye = seenWhole(toward, upward, extent.map(e => (e / most + .02) * 1.05 / 2), $("view"));
   const ratio = extent.map(e => (e + 0.08 * most) / most * 1.05), opacity = $("through").checked ? 0.4 : 1;
   const mesh = parts.map((part, n) => ({ type: "mesh3d", name: n ? "rigid" : "deformable", x: xyz[0], y: xyz[1], z: xyz[2], i: part.keep[0], j: part.keep[1], k: part.keep[2],
     opacity, flatshading: true, hoverinfo: "none", lighting: { ambient: 1, diffuse: .15, specular: 0, fresnel: 0 }, lightposition: { x: -2e4, y: -1e5, z: 6e4 }, ...colours(now, part, n === 0) }));
@@ -194,7 +206,7 @@ function drawSpace() {
   ].map(seen), {
     margin: { l: 0, r: 0, t: 0, b: 0 }, paper_bgcolor: c.shade, uirevision: "kept", showlegend: false, font: { color: c.ink },
     scene: { xaxis: axis(0), yaxis: axis(1), zaxis: axis(2), aspectmode: "manual", aspectratio: { x: ratio[0], y: ratio[1], z: ratio[2] }, bgcolor: c.shade, uirevision: "kept", annotations: gravityWord(gravity),
-      camera: { eye, up: run.planar ? { x: 0, y: 1, z: 0 } : { x: 0, y: 0, z: 1 }, } },
+      camera: { eye, up: { x: upward[0], y: upward[1], z: upward[2] } } },
   }, { displayModeBar: false, responsive: true, scrollZoom: true });
   place = dots.number;
   drawLegend();
