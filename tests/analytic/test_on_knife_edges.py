@@ -29,10 +29,10 @@ def sag(model: Model, step: Step, x: float) -> float:
     return float(-(model.positions(step.state.x) - model.reference)[: model.node_offset[1]][nodes, -1].mean())
 
 
-def bent_in_space(cells: int, overhang: float, elements: str, turn: bool) -> tuple[float, Step]:
+def bent_in_space(cells: int, overhang: float, elements: str, turn: bool, width: float = 0.05) -> tuple[float, Step]:
     part = brick("plate", (1 + 2 * overhang, 1, HEIGHT), (cells, 3, 1), Material(E, 0.0, 7800.0), elements=elements)
     plate = Body("plate", part, translation=(-0.5 - overhang, -0.5, 0.0))
-    knives = [knife("left", -0.5), knife("right", 0.5)]
+    knives = [knife("left", -0.5, width), knife("right", 0.5, width)]
     bodies = [*knives, plate] if turn else [plate, *knives]
     held = [Support(k.name, ALL) for k in knives]
     model = build_model(bodies, supports=held, loads=[Traction("plate", "z+", (0.0, 0.0, -PRESSURE))])
@@ -40,9 +40,10 @@ def bent_in_space(cells: int, overhang: float, elements: str, turn: bool) -> tup
     return sag(model, last, 0.0), last
 
 
-def bent_in_the_plane(cells: int, overhang: float, elements: str) -> float:
+def bent_in_the_plane(cells: int, overhang: float, elements: str, width: float = 0.05) -> float:
     part = rectangle("plate", (1 + 2 * overhang, HEIGHT), (cells, 1), Material(E, 0.0, 7800.0), plane="stress", elements=elements)
-    knives = [rigid_polygon(n, SECTION + np.array([x, 0.0]), density=1000.0) for n, x in (("left", -0.5), ("right", 0.5))]
+    section = SECTION * np.array([width / 0.05, 1.0])
+    knives = [rigid_polygon(n, section + np.array([x, 0.0]), density=1000.0) for n, x in (("left", -0.5), ("right", 0.5))]
     held = [Support(k.name, ("x", "y", "rz")) for k in knives]
     plate = Body("plate", part, translation=(-0.5 - overhang, 0.0))
     model = build_model([plate, *knives], supports=held, loads=[Traction("plate", "y+", (0.0, -PRESSURE))])
@@ -67,6 +68,36 @@ def test_a_plate_on_two_knives_bends_as_in_the_plane(cells: int, overhang: float
     if elements == "Q2":  # Euler and Bernoulli, with what bends it over the knives
         beam = PRESSURE / (E * HEIGHT**3 / 12) * (5 / 384 - overhang**2 / 16)
         assert_allclose(deep, beam, rtol=0.03)
+
+
+BEAM = 5 * PRESSURE / 384 / (E * HEIGHT**3 / 12)
+"""Sag [m] of a beam on two supports with a span of 1 m, by Euler and Bernoulli."""
+
+
+@pytest.mark.parametrize("beyond", [0.0, 1e-4, 1e-5, -1e-5])
+@pytest.mark.parametrize("width", [0.03, 0.1, 0.2], ids=["steep", "45 degrees", "flat"])
+def test_a_plate_that_ends_on_knives_does_not_lean_on_their_sides(width: float, beyond: float) -> None:
+    """Its rim went down the inner sides by 1e-6 of a facet and was wedged between them: half of the sag, ten times the load as thrust."""
+    assert_allclose(bent_in_the_plane(14, beyond, "Q1-enhanced", width), BEAM, rtol=0.03)
+
+
+@pytest.mark.parametrize(("width", "beyond", "turn"), [(0.03, 0.0, False), (0.05, 1e-4, True), (0.1, 0.0, True), (0.2, -1e-5, False)])
+def test_nor_does_it_in_space(width: float, beyond: float, turn: bool) -> None:
+    deep, last = bent_in_space(14, beyond, "Q1-enhanced", turn, width)
+    assert_allclose(deep, BEAM, rtol=0.03)
+    thrust, _, down = last.contact_force_on("left")
+    assert abs(thrust) <= (0.2 + 1e-3) * abs(down)  # friction's, mu = 0.2, and of the normal, which turns by 9e-4 as the beam's end
+
+
+def test_the_corners_of_walls_that_merely_meet_at_an_angle_are_not_held_by_tips() -> None:
+    """Blocks around a common corner, turned: none lies over another, but those with a common face."""
+    blocks = []
+    for k in range(5):  # sectors of 72 degrees around the origin
+        a = np.deg2rad([72 * k, 72 * k + 36, 72 * (k + 1)])
+        blocks.append(rigid_polygon(f"{k}", np.array([(0.0, 0.0), *zip(np.cos(a), np.sin(a), strict=True)]), density=1000.0))
+    model = build_model(blocks)
+    pairs = {tuple(sorted(pair)) for pair in Everything(model, 0.5)(model.reference).bodies.tolist()}
+    assert pairs == {(0, 1), (1, 2), (2, 3), (3, 4), (0, 4)}
 
 
 @pytest.mark.parametrize("off", [0.0, 1e-5, -1e-5])

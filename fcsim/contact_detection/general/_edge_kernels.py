@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
 
@@ -9,6 +11,7 @@ from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.contact_detection._vector_kernels import Vector, at, cross, dot, length, minus, plus, times, unit
 from fcsim.contact_detection.general._foot_kernels import normal_on_side
 from fcsim.contact_detection.general._pierce_kernels import pierced
+from fcsim.contact_detection.skin._rim_kernels import RIGID, SQUARER, angle, is_rim_of
 
 _FLAT = np.cos(np.deg2rad(1.0))  # faces that oppose each other closer than this touch flatly: the contact's normal is the face's
 _TILTED = 1e-4  # from this angle between them on, edges that cross at `_SKEW` or more have their own normal, along which neither slides
@@ -17,6 +20,23 @@ _PARALLEL = 1e-7  # sine of the angle below which edges of flatly touching faces
 _ALONG = 1e-4  # the same of edges in space, whose direction of contact is round-off
 _TWISTED = 1e-12  # of 1: a quadrilateral whose normals differ by less is plane
 _ARC = 0.05  # sine of how far the normal may leave the arc between an edge's faces
+
+
+class EdgesOfAll(NamedTuple):
+    """Edges and what lies around them: arrays of a `Shape` (point to mean) and of its `Skin`; goes_on (ne, 2) of `FaceEdges`; the first
+    `bending` vertices are of deformable bodies."""
+
+    point: FloatArray
+    normals: FloatArray
+    sizes: FloatArray
+    mean: FloatArray
+    edges: IntArray
+    edge_facets: IntArray
+    facets: IntArray
+    sides: IntArray
+    sharp: BoolArray
+    goes_on: BoolArray
+    bending: int
 
 
 @njit(cache=True)
@@ -55,58 +75,65 @@ def _on_edge(f: int, edge: int, share: float, point: FloatArray, facets: IntArra
 
 
 @njit(cache=True)
-def _pierces(
-    a: int,
-    b: int,
-    near: float,
-    point: FloatArray,
-    normals: FloatArray,
-    facets: IntArray,
-    sides: IntArray,
-    edges: IntArray,
-    edge_facets: IntArray,
-) -> int:
+def _pierces(a: int, b: int, near: float, e: EdgesOfAll) -> int:
     """How many of the two faces of the edge b the edge a goes through."""
     count = 0
+    p, q = at(e.point, e.edges[a, 0]), at(e.point, e.edges[a, 1])
     for k in range(2):
-        if pierced(at(point, edges[a, 0]), at(point, edges[a, 1]), edge_facets[b, k], near, point, normals, facets, sides):
+        if pierced(p, q, e.edge_facets[b, k], near, e.point, e.normals, e.facets, e.sides):
             count += 1
     return count
 
 
 @njit(cache=True)
-def _place(s: float, length: float, goes_on: BoolArray, near: float) -> float:
-    """The place s [m] on an edge as a share of its length; the end itself where that goes on and is nearer than `near`."""
-    if goes_on[0] and s < near:
+def _on_rim(a: int, end: int, b: int, out: Vector, e: EdgesOfAll) -> bool:
+    """Whether the face at an end of the edge a, at which it ends, lies on the sharp edge b there, rather than what is around that end on a
+    side of b: `bears_by_its_rim` the other way round. `out` is the face's normal inwards, from b to a."""
+    u, w = e.edges[a, end], e.edges[a, 1 - end]
+    p, q = at(e.point, e.edges[b, 0]), at(e.point, e.edges[b, 1])
+    along = unit(minus(q, p))
+    inward = minus(at(e.point, w), at(e.point, u))
+    first = dot(_in_face(b, 0, along, e.normals, e.edge_facets), inward) > dot(_in_face(b, 1, along, e.normals, e.edge_facets), inward)
+    side, beyond = at(e.normals, e.edge_facets[b, 0 if first else 1]), at(e.normals, e.edge_facets[b, 1 if first else 0])
+    if not is_rim_of(out, side, beyond):
+        return False
+    mean = times(-1.0, at(e.mean, u))
+    mean = unit(minus(mean, times(dot(mean, along), along)))
+    bends, bent = u < e.bending, e.edges[b, 0] < e.bending
+    margin = SQUARER if bends == bent else (RIGID if bends else -RIGID)
+    return angle(out, unit(plus(side, beyond))) <= angle(mean, side) + margin
+
+
+@njit(cache=True)
+def _within(s: float, length: float, goes_on: BoolArray, near: float) -> bool:
+    """Whether the place s [m] lies inside an edge by more than `near`, or no farther beyond an end at which that goes on."""
+    return (-near if goes_on[0] else near) < s < (length + near if goes_on[1] else length - near)
+
+
+@njit(cache=True)
+def _place(s: float, length: float, near: float) -> float:
+    """The place s [m] on an edge as a share of its length; the end itself where that is nearer than `near`."""
+    if s < near:
         return 0.0
-    if goes_on[1] and s > length - near:
+    if s > length - near:
         return 1.0
     return s / length
 
 
 @njit(cache=True)
 def crossings(
-    first: IntArray,
-    second: IntArray,
-    alert: FloatArray,
-    depth: FloatArray,
-    near: FloatArray,
-    point: FloatArray,
-    normals: FloatArray,
-    sizes: FloatArray,
-    edges: IntArray,
-    edge_facets: IntArray,
-    facets: IntArray,
-    sides: IntArray,
-    goes_on: BoolArray,
-    sharp: BoolArray,
+    first: IntArray, second: IntArray, alert: FloatArray, depth: FloatArray, near: FloatArray, e: EdgesOfAll
 ) -> tuple[IntArray, FloatArray, FloatArray, FloatArray, IntArray]:
     """Rows of edges that touch, their normals from the second to the first (nc, 3), gaps (nc,) [m], places s, t (nc, 2) on both, and of
     those that overlap through how many of the two faces of one edge the other goes (nc,).
 
     Long because it is one decision. alert, depth, near (rows,) [m]. A crossing lies inside both edges by more than `near`: vertices hold
-    the ends, but those at which a face or a rim goes on (ne, 2). Edges that are not sharp (ne,) lie within faces.
+    the ends, but those at which a face or a rim goes on, or at which a face lies on what is sharp (`_on_rim`). Edges that are not sharp
+    lie within faces.
     """
+    point, normals, edges, edge_facets, facets, sides, goes_on, sharp = (
+        e.point, e.normals, e.edges, e.edge_facets, e.facets, e.sides, e.goes_on, e.sharp,
+    )  # fmt: skip
     n = len(first)
     rows, normal = np.empty(n, dtype=np.int64), np.empty((n, 3))
     gap, place, through = np.empty(n), np.empty((n, 2)), np.full(n, 2, dtype=np.int64)
@@ -122,7 +149,7 @@ def crossings(
         if sine < _PARALLEL:
             continue
         r = minus(pb, pa)
-        face, of_first, N = _flat_normal(a, b, normals, sizes, edge_facets)
+        face, of_first, N = _flat_normal(a, b, normals, e.sizes, edge_facets)
         if face >= 0:
             turn = dot(N, across)
             if abs(turn) < _PARALLEL:
@@ -153,20 +180,23 @@ def crossings(
                 continue
             s, t = dot(cross(r, db), across) / sine**2, dot(cross(r, da), across) / sine**2
         tol = near[row]
-        on_a = (-tol if goes_on[a, 0] else tol) < s < (la + tol if goes_on[a, 1] else la - tol)
-        on_b = (-tol if goes_on[b, 0] else tol) < t < (lb + tol if goes_on[b, 1] else lb - tol)
+        on_a, on_b = _within(s, la, goes_on[a], tol), _within(t, lb, goes_on[b], tol)
+        if not on_a and on_b and -tol < s < la + tol:
+            on_a = _on_rim(a, 0 if s < tol else 1, b, N, e)
+        elif on_a and not on_b and -tol < t < lb + tol:
+            on_b = _on_rim(b, 0 if t < tol else 1, a, times(-1.0, N), e)
         if not (on_a and on_b):
             continue
         g = dot(minus(minus(times(s, da), times(t, db)), r), N)
         if -depth[row] <= g <= alert[row]:
             if g < -tol:
-                theirs = _pierces(a, b, tol, point, normals, facets, sides, edges, edge_facets)
-                ours = _pierces(b, a, tol, point, normals, facets, sides, edges, edge_facets)
+                theirs = _pierces(a, b, tol, e)
+                ours = _pierces(b, a, tol, e)
                 through[count] = max(theirs, ours)
             else:
                 through[count] = 2
             rows[count], gap[count] = row, g
             normal[count, 0], normal[count, 1], normal[count, 2] = N
-            place[count, 0], place[count, 1] = _place(s, la, goes_on[a], tol), _place(t, lb, goes_on[b], tol)
+            place[count, 0], place[count, 1] = _place(s, la, tol), _place(t, lb, tol)
             count += 1
     return rows[:count].copy(), normal[:count].copy(), gap[:count].copy(), place[:count].copy(), through[:count].copy()

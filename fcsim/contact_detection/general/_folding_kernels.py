@@ -7,7 +7,7 @@ from numba import njit
 
 from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.contact_detection._vector_kernels import dot
-from fcsim.contact_detection.general._vertex_kernels import FACING
+from fcsim.contact_detection.skin._rim_kernels import FACING
 
 _SEES = -0.5  # facets see each other where -n . n is more: at more than 60 degrees, FACING and what strain may turn them
 _LEVEL = 1e-6  # of a facet: a corner less high above another's plane lies in it

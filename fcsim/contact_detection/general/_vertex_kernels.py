@@ -2,43 +2,20 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 from numba import njit
 
-from fcsim.arrays import BoolArray, FloatArray, IntArray
-from fcsim.contact_detection._vector_kernels import Vector, at, cross, dot, length, minus, plus, times, unit
+from fcsim.arrays import FloatArray, IntArray
+from fcsim.contact_detection._vector_kernels import Vector, at, dot, length, minus, plus, times, unit
 from fcsim.contact_detection.general._foot_kernels import EDGE, INSIDE, VERTEX
+from fcsim.contact_detection.skin._rim_kernels import FACING, RIMS, Rims, Surroundings, bears_by_its_rim, covers
 
-FACING = 0.1  # a facet around a vertex faces the direction N where n . N < -FACING
 _STEEP = 0.8  # sine of the slope
 _FLUSH, _DESCENDS = 0.9, 0.01  # cosine between a facet around a vertex and one that it lies flush with; sine of a slope
-_RISES = 1.2  # tangent of the slope up to which a facet lies over another one, rather than beside it
-_SAME_PLANE = 1.0 - 1e-10  # cosine
-_RIMS = 16
 _TIGHT = 1e-5  # of half a facet: what overlaps a face by more lies on its rim only where it is as near to that
 _OPPOSITE, _ACROSS = -0.9, 1e-3  # cosine of faces that look opposite ways; of a way out: nearer to the far face than this, it leads across
 _ROUND_IT = 0.5  # cosine: the way to a smooth edge that is nearest leaves it no farther from its mean normal, in or out
 _ROLL = 10.0  # nearer to an edge than this times `near`, the direction from it is round-off: its mean normal is taken
-
-
-class Surroundings(NamedTuple):
-    """What lies around vertices and facets: arrays of a `Shape` (point to mean) and of its `Skin`."""
-
-    point: FloatArray
-    normals: FloatArray
-    centres: FloatArray
-    mean: FloatArray
-    facets: IntArray
-    sides: IntArray
-    facet_edges: IntArray
-    edge_facets: IntArray
-    rim: BoolArray
-    smooth: BoolArray
-    smooth_vertex: BoolArray
-    star: IntArray
-    first_star: IntArray
 
 
 @njit(cache=True)
@@ -60,75 +37,6 @@ def _facing(v: int, n: Vector, s: Surroundings) -> float:
             if rise < 0.0:
                 lowest = min(lowest, rise / length(along))
     return -1.0 if lowest < -_STEEP or (flush and lowest < -_DESCENDS) else best
-
-
-@njit(cache=True)
-def _rims(f: int, foot: Vector, n: Vector, near: float, beside: float, inwards: FloatArray, start: FloatArray, s: Surroundings) -> int:
-    """How many rims of the facet f the foot lies on, nearer than `beside`; writes their directions inwards (_RIMS, 3) and points on them,
-    start (_RIMS, 3).
-
-    At a corner, the rims there of all facets in that plane: a face may be cut into triangles.
-    """
-    count = 0
-    corner = -1
-    for c in range(s.sides[f]):
-        arm = minus(foot, at(s.point, s.facets[f, c]))
-        if dot(arm, arm) < 4.0 * near * near:
-            corner = s.facets[f, c]
-    first, end = (s.first_star[corner], s.first_star[corner + 1]) if corner >= 0 else (0, 1)
-    for k in range(first, end):
-        g = s.star[k] if corner >= 0 else f
-        if g != f and dot(at(s.normals, g), n) < _SAME_PLANE:
-            continue
-        for l in range(s.sides[g]):
-            edge = s.facet_edges[g, l]
-            if edge < 0 or not s.rim[edge] or count == _RIMS:
-                continue
-            a = at(s.point, s.facets[g, l])
-            if s.sides[g] == 2:
-                along = minus(at(s.point, s.facets[g, 1]), at(s.point, s.facets[g, 0]))
-                inward = along if l == 0 else times(-1.0, along)
-            else:
-                following = l + 1 if l + 1 < s.sides[g] else 0
-                if corner >= 0 and s.facets[g, l] != corner and s.facets[g, following] != corner:
-                    continue
-                inward = cross(n, minus(at(s.point, s.facets[g, following]), a))
-            inward = unit(inward)
-            if dot(minus(foot, a), inward) < beside:
-                inwards[count, 0], inwards[count, 1], inwards[count, 2] = inward
-                start[count, 0], start[count, 1], start[count, 2] = a
-                count += 1
-    return count
-
-
-@njit(cache=True)
-def _covers(
-    v: int, f: int, foot: Vector, n: Vector, near: float, beside: float, inwards: FloatArray, start: FloatArray, s: Surroundings
-) -> bool:
-    """Whether the surface around v lies over the facet f: always for a foot well inside it, and for one on its rim only if a facet
-    around v that faces it reaches over the rim inwards, without rising steeply from it. (Blocks whose corners merely meet, in a wall
-    or, at any angles, in a dome, do not hold each other; one that rocks on the rim is held.)
-
-    inwards, start (_RIMS, 3): what `_rims` writes in."""
-    count = _rims(f, foot, n, near, beside, inwards, start, s)
-    if count == 0:
-        return True
-    for k in range(s.first_star[v], s.first_star[v + 1]):
-        g = s.star[k]
-        if -dot(at(s.normals, g), n) <= FACING:
-            continue
-        over = True
-        for r in range(count):
-            reaches = False
-            for c in range(s.sides[g]):
-                corner = at(s.point, s.facets[g, c])
-                inside = dot(minus(corner, at(start, r)), at(inwards, r))
-                if inside > 10.0 * near and dot(minus(corner, foot), n) < _RISES * inside:
-                    reaches = True
-            over = over and reaches
-        if over:
-            return True
-    return False
 
 
 @njit(cache=True)
@@ -194,7 +102,7 @@ def touched_facets(
     N, gap = np.empty((len(vertex), 3)), np.empty(len(vertex))
     usable, under = np.empty(len(vertex), dtype=np.bool_), np.empty(len(vertex), dtype=np.bool_)
     score = np.empty(len(vertex))
-    inwards, start = np.empty((_RIMS, 3)), np.empty((_RIMS, 3))
+    rims = Rims(np.empty(RIMS, dtype=np.int64), np.empty((RIMS, 3)), np.empty((RIMS, 3)))
     for group in range(len(first) - 1):
         begin, end = first[group], first[group + 1]
         v, tol = vertex[begin], near[group]
@@ -246,7 +154,7 @@ def touched_facets(
             foot = minus(at(s.point, v), times(height[best], n))
             tight = min(2.0 * tol, _TIGHT * depth[group])  # flush sides of elastic bodies do not stay flush; edges that overlap are held
             beside = tight if height[best] < -tight else 2.0 * tol
-            if _covers(v, facet[best], foot, n, tol, beside, inwards, start, s):
+            if covers(v, facet[best], foot, n, tol, beside, rims, s) and not bears_by_its_rim(v, facet[best], foot, n, tol, rims, s):
                 break
             usable[best], refused = False, True
             deepest = min(deepest, abs(height[best]) + _ROLL * tol)  # where corners meet, the way out is none through a farther side

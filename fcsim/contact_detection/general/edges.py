@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fcsim.arrays import BoolArray, FloatArray, IntArray
-from fcsim.contact_detection.general._edge_kernels import crossings
+from fcsim.contact_detection.general._edge_kernels import EdgesOfAll, crossings
 from fcsim.contact_detection.general._pierce_kernels import inside
 from fcsim.contact_detection.general.face_edges import FaceEdges, near_edges_across_faces
 from fcsim.contact_detection.general.folding import open_edges
@@ -57,23 +57,11 @@ def edge_contacts(skin: Skin, shape: Shape, near: NearBodies, vertices: VertexCo
     if len(faces.within):
         rows = np.concatenate([rows, near_edges_across_faces(skin, shape, near, faces)])
     first, second, pair = np.ascontiguousarray(rows.T)
-    limits = (near.alert[pair], near.depth[pair], near.near[pair])
-    row, normal, gap, place, pierced = crossings(
-        *(
-            first,
-            second,
-            *limits,
-            shape.point,
-            shape.normal,
-            shape.size,
-            skin.edges,
-            skin.edge_facets,
-            skin.facets,
-            skin.sides,
-            faces.goes_on,
-            skin.sharp,
-        )
-    )
+    around = EdgesOfAll(
+        shape.point, shape.normal, shape.size, shape.mean, skin.edges, skin.edge_facets, skin.facets, skin.sides, skin.sharp,
+        faces.goes_on, faces.bending,
+    )  # fmt: skip
+    row, normal, gap, place, pierced = crossings(first, second, near.alert[pair], near.depth[pair], near.near[pair], around)
     found = EdgeContacts(np.column_stack([first[row], second[row]]), place, normal, gap)
     own = np.flatnonzero(near.itself[pair[row]])
     if len(own):
@@ -154,7 +142,7 @@ def each_place_once(
     if not len(edges.gap):
         return vertices, edges
     end = (edges.place > 0.5).astype(np.int64)
-    row, side = np.nonzero((edges.place == end) & faces.goes_on[edges.edges, end])
+    row, side = np.nonzero(edges.place == end)
     vertex, other = skin.edges[edges.edges[row, side], end[row, side]], edges.edges[row, 1 - side]
     _, once, place = np.unique(vertex * len(skin.edges) + other, return_index=True, return_inverse=True)
     edges = _with_mean_normals(edges, row, np.where(side == 1, -1.0, 1.0), place)

@@ -177,7 +177,7 @@ class Everything:
         if among is None:
             near = self._may_touch(near_bodies(shape.body_low, shape.body_high, self.lengths))
             among = with_folding(near, self.folding, self.lengths)
-        vertices, beyond, met = vertex_contacts(self.skin, shape, among, self._reference)
+        vertices, beyond, met = vertex_contacts(self.skin, shape, among, self._reference, len(self.model.deformable))
         vertices = shallow_vertices(self.skin, shape, among, vertices)
         edges = edge_contacts(self.skin, shape, among, vertices, self._reference, self.faces)
         edges = shallow_edges(self.skin, shape, among, edges)

@@ -22,21 +22,22 @@ _STRAIGHT = 0.9  # cosine between edges of a rim that goes on through a vertex
 class FaceEdges(NamedTuple):
     """Of a skin's ne edges in the reference configuration: within (n,) numbers of those within a face of a deformable body, sorted; longer
     (ne,) [m] how long a sharp edge is to bear there; goes_on (ne, 2) whether that face, or the rim that a sharp one is of, goes straight
-    on beyond an end; length (ne,) [m]."""
+    on beyond an end; length (ne,) [m]; the first `bending` vertices are those of deformable bodies."""
 
     within: IntArray
     longer: FloatArray
     goes_on: BoolArray
     length: FloatArray
+    bending: int
 
 
 def face_edges(skin: Skin, reference: Shape, deformable: int) -> FaceEdges:
     """Of a skin whose first so many bodies are deformable."""
     first, second = reference.point[skin.edges].swapaxes(0, 1)
     length = np.linalg.norm(second - first, axis=1)
-    none = np.zeros(len(length), dtype=bool)
+    none, bending = np.zeros(len(length), dtype=bool), int(skin.first_vertex[deformable])
     if skin.dimension == 2:
-        return FaceEdges(np.flatnonzero(none), length, np.column_stack([none, none]), length)
+        return FaceEdges(np.flatnonzero(none), length, np.column_stack([none, none]), length, bending)
     sides = np.where(skin.facet_edges < 0, 0.0, length[skin.facet_edges]).max(axis=1)
     ours = np.arange(len(length)) < skin.first_edge[deformable]
     along, vertices = (second - first) / length[:, None], len(skin.node)
@@ -46,7 +47,7 @@ def face_edges(skin: Skin, reference: Shape, deformable: int) -> FaceEdges:
     straight = (sharp == 2) & (rims == 2) & (np.einsum("vd,vd->v", towards, towards) < 2.0 - 2.0 * _STRAIGHT)
     goes_on = np.where(skin.sharp[:, None], straight[skin.edges], (sharp == 0)[skin.edges] & ours[:, None])
     within = np.flatnonzero(ours & ~skin.sharp & skin.smooth)
-    return FaceEdges(within, _LONGER * sides[skin.edge_facets].max(axis=1), goes_on, length)
+    return FaceEdges(within, _LONGER * sides[skin.edge_facets].max(axis=1), goes_on, length, bending)
 
 
 def near_edges_across_faces(skin: Skin, shape: Shape, near: NearBodies, faces: FaceEdges) -> IntArray:

@@ -4,7 +4,8 @@ For a vertex v near a body, the nearest feature of its closed surface (facet, ed
 is inside. Outside, v is in contact with the facet right under it while the gap is at most the alert distance; inside, with the facet that
 is its least way out among those that the surface around v faces. So a corner that lies 2 cm inside the side plane of the block it stands
 on, and 1e-9 m below its top, touches the top. A face is touched up to its rim, and there only by what reaches over it: bodies whose corners
-merely meet do not hold each other. Over a smooth convex edge or vertex the normal is along the line from it, and continuous.
+merely meet do not hold each other, and of two that end in the same place one touches the other's face (`covers`, `bears_by_its_rim` in
+`fcsim/contact_detection/skin/_rim_kernels.py`). Over a smooth convex edge or vertex the normal is along the line from it, and continuous.
 """
 
 from __future__ import annotations
@@ -15,9 +16,10 @@ import numpy as np
 
 from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.contact_detection.general._foot_kernels import feet
-from fcsim.contact_detection.general._vertex_kernels import Surroundings, touched_facets
+from fcsim.contact_detection.general._vertex_kernels import touched_facets
 from fcsim.contact_detection.general.folding import open_rows
 from fcsim.contact_detection.general.near import NearBodies, near_facets
+from fcsim.contact_detection.skin._rim_kernels import Surroundings
 from fcsim.contact_detection.skin.skin import Shape, Skin
 
 _SIDES = 3
@@ -37,9 +39,11 @@ class VertexContacts(NamedTuple):
         return VertexContacts._make(array[rows] for array in self)
 
 
-def vertex_contacts(skin: Skin, shape: Shape, near: NearBodies, reference: Shape) -> tuple[VertexContacts, IntArray, IntArray]:
+def vertex_contacts(
+    skin: Skin, shape: Shape, near: NearBodies, reference: Shape, bending: int
+) -> tuple[VertexContacts, IntArray, IntArray]:
     """Contacts of vertices with facets, sorted by (vertex, body of the facet, gap); each physical point once. A pair of a body with itself
-    needs its shape in the reference configuration, see `folding`.
+    needs its shape in the reference configuration, see `folding`; the first so many bodies are `bending`, deformable.
 
     And the numbers a nb + b of bodies a <= b, sorted, of which a vertex at a rim is not held since it does not reach over it: it may
     soon. And the vertices whose contacts are of a vertex with a vertex, on the surfaces of both, of which one is kept."""
@@ -65,16 +69,21 @@ def vertex_contacts(skin: Skin, shape: Shape, near: NearBodies, reference: Shape
     rows, N, gap, beyond = touched_facets(
         first, vertex, facet, weights, normal, height, distance, feature,
         both.alert[group], both.depth[group], both.near[group],
-        Surroundings(
-            shape.point, shape.normal, shape.centre, shape.mean, skin.facets, skin.sides, skin.facet_edges, skin.edge_facets,
-            skin.rim, skin.smooth, skin.smooth_vertex, skin.star, skin.first_star,
-        ),
+        surroundings(skin, shape, bending),
     )  # fmt: skip
     pairs = both.bodies[group[beyond]]
     found = VertexContacts(vertex[rows], facet[rows], weights[rows], N, gap)
     found = found.take(np.lexsort((found.gap, skin.facet_body[found.facet], found.vertex)))
     twice, met = _seen_from_the_other_side(skin, found)
     return found.take(~twice), np.unique(pairs.min(axis=1) * skin.n_bodies + pairs.max(axis=1)), met
+
+
+def surroundings(skin: Skin, shape: Shape, bending: int) -> Surroundings:
+    """Of a skin whose first so many bodies are deformable."""
+    return Surroundings(
+        shape.point, shape.normal, shape.centre, shape.mean, skin.facets, skin.sides, skin.facet_edges, skin.edge_facets,
+        skin.rim, skin.smooth, skin.smooth_vertex, skin.star, skin.first_star, int(skin.first_facet[bending]),
+    )  # fmt: skip
 
 
 def _seen_from_the_other_side(skin: Skin, found: VertexContacts) -> tuple[BoolArray, IntArray]:

@@ -19,32 +19,45 @@ SEEN = 1e-9
 _LONG = 16  # steps of dynamics over which energy and forces are taken together
 
 
+class Deformed:
+    """How far contacts deform bodies [m]: twice the elastic energy over the sum of their forces' amounts (joints draw, too).
+
+    In dynamics forces act on bodies not deformed yet or swinging back: energy and forces are those of all steps so far there (at rest in
+    the mean, as the virial theorem has it), from step 16 on.
+    """
+
+    def __init__(self, steps: int) -> None:
+        self._steps, self._energy, self._force = steps, 0.0, 0.0
+
+    def __call__(self, step: Step) -> float | None:
+        """None where nothing presses, and in steps that are not looked at: but 1, 4, 16, ... and the last. To be asked in every step."""
+        force, moving = step.contact_force[:, 0], step.scheme.timing.moving
+        before = (self._energy, self._force) if moving else (0.0, 0.0)
+        self._energy, self._force = before[0] + step.energy.elastic, before[1] + float(np.abs(force).sum())
+        looked = looked_at(step.number) or step.number == self._steps
+        if not looked or (moving and step.number < _LONG) or not (force > 0).any():
+            return None
+        return 2.0 * self._energy / self._force
+
+
 class Entered:
     """The remark on the first pair of surfaces in one pass whose master's nodes lie within the slave where that bears, in the mean over
-    them by more than `NAMED` of how far the contacts deform bodies, twice the elastic energy over the sum of their forces' amounts (joints
-    draw, too): the slave's few points bear what should be spread. The same pairs the other way round are the measure.
-
-    Steps 1, 4, 16, ... and the last are looked at. In dynamics forces act on bodies not deformed yet or swinging back: energy and forces
-    are those of all steps so far there, from step 16 on (at rest in the mean, as the virial theorem has it).
+    them by more than `NAMED` of how far the contacts deform bodies (`Deformed`): the slave's few points bear what should be spread. The
+    same pairs the other way round are the measure.
     """
 
     def __init__(self, detection: Detection, steps: int) -> None:
-        self._detection, self._steps = innermost(detection), steps
-        self._energy = self._force = 0.0
+        self._detection, self._deformed = innermost(detection), Deformed(steps)
 
     def __call__(self, step: Step, when: str, said: frozenset[str]) -> dict[str, str]:
         """The remark, {} where there is none."""
         model, detection = step.model, self._detection
         if "entered" in said or not model.deformable or not isinstance(detection, Detector):
             return {}
-        force, moving = step.contact_force[:, 0], step.scheme.timing.moving
-        before = (self._energy, self._force) if moving else (0.0, 0.0)
-        self._energy, self._force = before[0] + step.energy.elastic, before[1] + float(np.abs(force).sum())
-        if not (looked_at(step.number) or step.number == self._steps) or (moving and step.number < _LONG):
+        motion = self._deformed(step)
+        if motion is None:
             return {}
-        if not (force > 0).any():
-            return {}
-        motion, size = 2.0 * self._energy / self._force, step.encounter.meeting.proportions.size
+        force, size = step.contact_force[:, 0], step.encounter.meeting.proportions.size
         contacts, x = step.contacts, model.positions(step.state.x)
         bears = np.zeros(model.n_nodes, dtype=bool)
         real = (contacts.nodes >= 0) & (force > 0)[:, None]

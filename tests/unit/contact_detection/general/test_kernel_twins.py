@@ -8,15 +8,15 @@ from scipy.spatial import ConvexHull
 
 from fcsim.assembly.model import build_model
 from fcsim.contact_detection import Everything
-from fcsim.contact_detection.general._edge_kernels import crossings
+from fcsim.contact_detection.general._edge_kernels import EdgesOfAll, crossings
 from fcsim.contact_detection.general._folding_kernels import across_void, edges_across_void, sees_itself
 from fcsim.contact_detection.general._foot_kernels import feet
 from fcsim.contact_detection.general._near_kernels import body_pairs, item_pairs
 from fcsim.contact_detection.general._pierce_kernels import inside, piercing
 from fcsim.contact_detection.general._smoothing_kernels import interpolated_normals
-from fcsim.contact_detection.general._vertex_kernels import FACING
 from fcsim.contact_detection.general.near import near_bodies
 from fcsim.contact_detection.general.vertices import vertex_contacts
+from fcsim.contact_detection.skin._rim_kernels import FACING
 from fcsim.contact_detection.skin.shape import shape_of
 from tests.unit.contact_detection.general.rocks import body, pair_of_rocks, rock
 
@@ -167,8 +167,11 @@ def test_crossings(seed: int, distance: float) -> None:
     n = len(first)
     limit = np.full(n, 0.05)
     row, _, gap, place, _ = crossings(
-        first, second, limit, limit, np.full(n, 1e-9), shape.point, shape.normal, shape.size, skin.edges, skin.edge_facets,
-        skin.facets, skin.sides, np.zeros((len(skin.edges), 2), dtype=bool), np.ones(len(skin.edges), dtype=bool),
+        first, second, limit, limit, np.full(n, 1e-9),
+        EdgesOfAll(
+            shape.point, shape.normal, shape.size, shape.mean, skin.edges, skin.edge_facets, skin.facets, skin.sides,
+            np.ones(len(skin.edges), dtype=bool), np.zeros((len(skin.edges), 2), dtype=bool), 0,
+        ),
     )  # fmt: skip
     pa, qa = (shape.point[skin.edges[first, k]] for k in range(2))
     pb, qb = (shape.point[skin.edges[second, k]] for k in range(2))
@@ -214,7 +217,7 @@ def test_vertices_of_convex_bodies(seed: int, distance: float) -> None:
     everything = Everything(model, 0.5, alert=5e-3)
     skin, shape = everything.skin, shape_of(everything.skin, model.reference)
     near = near_bodies(shape.body_low, shape.body_high, everything.lengths)
-    found, *_ = vertex_contacts(skin, shape, near, shape)
+    found, *_ = vertex_contacts(skin, shape, near, shape, 0)
     height = np.einsum("vfd,fd->vf", shape.point[:, None] - shape.centre[None], shape.normal)
     other = skin.vertex_body[:, None] != skin.facet_body[None]
     below = np.where(other, height, -np.inf).max(axis=1) < 0

@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.testing import assert_allclose
 
-from fcsim.contact_detection.general._edge_kernels import crossings
+from fcsim.contact_detection.general._edge_kernels import EdgesOfAll, crossings
 from fcsim.contact_detection.general._foot_kernels import INSIDE, feet
 from fcsim.contact_detection.general._smoothing_kernels import interpolated_normals
 
@@ -59,9 +59,11 @@ def test_edges_that_cross_over_a_twisted_face() -> None:
     facets = np.array([[0, 1, 2, 3], [5, 4, 4, 4], [0, 1, 1, 1], [4, 5, 5, 5]])
     for first, second in ((1, 0), (0, 1)):
         rows, normal, gap, _, _ = crossings(
-            one + first, one + second, np.full(1, 1e-3), np.full(1, 1e-3), np.full(1, 1e-9), point, normals,
-            np.array([2.0, 1.0, 1.0, 1.0]), np.array([[0, 1], [4, 5]]), np.array([[0, 2], [1, 3]]), facets, np.array([4, 3, 3, 3]),
-            np.zeros((2, 2), dtype=bool), np.ones(2, dtype=bool),
+            one + first, one + second, np.full(1, 1e-3), np.full(1, 1e-3), np.full(1, 1e-9),
+            EdgesOfAll(
+                point, normals, np.array([2.0, 1.0, 1.0, 1.0]), normals[[0, 0, 0, 0, 1, 1]], np.array([[0, 1], [4, 5]]),
+                np.array([[0, 2], [1, 3]]), facets, np.array([4, 3, 3, 3]), np.ones(2, dtype=bool), np.zeros((2, 2), dtype=bool), 0,
+            ),
         )  # fmt: skip
         assert len(rows) == 1
         assert_allclose(normal[0], n if first else -n, atol=1e-6)

@@ -21,6 +21,11 @@ from tests.unit.contact_detection.general.rocks import pair_of_rocks
 EDGE, VERTEX = 1, 5
 
 
+def angle(a: np.ndarray, b: np.ndarray) -> float:
+    """Between two vectors, in the plane too."""
+    return float(np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b))
+
+
 class Twin:
     """The arguments of `touched_facets` by their names, and its rules."""
 
@@ -46,8 +51,8 @@ class Twin:
             return -1.0
         return float(max(-cosine.min(), -self.mean[v] @ n))
 
-    def rims(self, f: int, foot: np.ndarray, n: np.ndarray, near: float, beside: float) -> list[tuple[np.ndarray, np.ndarray]]:
-        """Points on the rims under the foot and the directions inwards."""
+    def rims(self, f: int, foot: np.ndarray, n: np.ndarray, near: float, beside: float) -> list[tuple[np.ndarray, np.ndarray, int]]:
+        """Points on the rims under the foot, the directions inwards, and their edges."""
         at = [c for c in self.corners(f) if np.linalg.norm(foot - self.point[c]) < 2 * near]
         plane = [g for g in self.around(at[-1]) if g == f or self.normals[g] @ n >= 1 - 1e-10] if at else [f]
         found = []
@@ -62,18 +67,49 @@ class Twin:
                 inwards = along if len(k) == 2 else np.cross(n, along)  # in the plane the rim is the end a, and b the other end
                 inwards /= np.linalg.norm(inwards)
                 if (foot - self.point[a]) @ inwards < beside:
-                    found.append((self.point[a], inwards))
+                    found.append((self.point[a], inwards, edge))
         return found
 
     def covers(self, v: int, f: int, foot: np.ndarray, n: np.ndarray, near: float, beside: float) -> bool:
         rims = self.rims(f, foot, n, near, beside)
+        if not rims:
+            return True
+        others = np.unique(np.concatenate([self.corners(g) for g in self.around(v)]))
+        inside = np.array([(self.point[others] - a) @ inwards for a, inwards, _ in rims])
+        rise = (self.point[others] - foot) @ n
+        tip = bool(np.all((inside >= -10 * near) | (rise >= -1.2 * inside)))
+        for g in self.around(v):
+            x = self.point[self.corners(g)]
+            if tip and all(np.any((x - a) @ inwards > 10 * near) for a, inwards, _ in rims):
+                return True
         for g in self.around(v):
             if self.normals[g] @ n >= -0.1:
                 continue
             x = self.point[self.corners(g)]
-            if all(np.any(((x - a) @ inwards > 10 * near) & ((x - foot) @ n < 1.2 * ((x - a) @ inwards))) for a, inwards in rims):
+            if all(np.any(((x - a) @ inwards > 10 * near) & ((x - foot) @ n < 1.2 * ((x - a) @ inwards))) for a, inwards, _ in rims):
                 return True
-        return not rims
+        return False
+
+    def bears_by_its_rim(self, v: int, f: int, foot: np.ndarray, n: np.ndarray, near: float) -> bool:
+        """A face around v lies on the rim of f more squarely than v on f."""
+        rims = self.rims(f, foot, n, near, 2 * near)
+        if not rims or min(inwards @ rims[0][1] for _, inwards, _ in rims) < 0.99:
+            return False
+        _, inwards, edge = rims[0]
+        along = np.cross(n, inwards)
+        beyond = min(self.normals[self.edge_facets[edge]], key=lambda m: m @ n)
+        mean = -self.mean[v] + (self.mean[v] @ along) * along
+        for g in self.around(v):
+            down = -self.normals[g]
+            a, b = down @ n, down @ beyond
+            level, steep = np.cos(np.deg2rad(10.0)), 1 / np.sqrt(1 + 1.2**2)
+            if a <= 0.1 or abs(down @ along) > 0.1 or max(a, b) >= level or (a <= steep and b >= steep):
+                continue
+            margin = 15.0 if (g < self.bending) == (f < self.bending) else (-5.0 if g < self.bending else 5.0)
+            ours, theirs = (np.degrees(angle(*pair)) for pair in ((mean, n), (down, n + beyond)))
+            if ours > theirs + margin:
+                return True
+        return False
 
     def corner(self, f: int, feature: int) -> bool:
         """The foot lies on a concave edge of f, or at its end."""
@@ -127,7 +163,8 @@ class Twin:
             n = self.normal[rows[best]]
             tight = min(2 * tol, 1e-5 * depth)
             beside = tight if height[best] < -tight else 2 * tol
-            if self.covers(v, self.facet[rows[best]], self.point[v] - height[best] * n, n, tol, beside):
+            f, foot = self.facet[rows[best]], self.point[v] - height[best] * n
+            if self.covers(v, f, foot, n, tol, beside) and not self.bears_by_its_rim(v, f, foot, n, tol):
                 break
             usable[best], limit, best, refused = False, min(limit, way[best] + 10 * tol), -1, True
         f, feature = self.facet[closest], self.feature[closest]
