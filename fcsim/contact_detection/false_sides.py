@@ -20,7 +20,7 @@ from fcsim.contact_detection.surfaces import facets as contact_facets
 from fcsim.contact_detection.surfaces.facets import Facets
 
 _NEARER = 0.5  # a way out of less than this part of another one
-_DEEP = 1e-2  # of a facet: less deep is a penetration whatever else is near
+DEEP = 1e-2  # of a facet: less deep is a penetration whatever else is near
 _BEYOND = 1e-2  # of the depth: a point higher above its nearest facet is outside
 _AT, _AWAY = 0.25, -0.5  # of the depth: nearer to a facet; cosine between faces that look away from each other
 
@@ -75,7 +75,7 @@ def came_another_way(
     """Rows (n,) of points (n, d) [m] far behind a facet (its body, normal (n, d), size and gap [m]) which they have not come through, by
     what is known of that body, with its nodes at `positions` (n_nodes, d) [m]."""
     drop = np.zeros(len(gap), dtype=bool)
-    deep = np.flatnonzero(-gap > _DEEP * size)
+    deep = np.flatnonzero(-gap > DEEP * size)
     if not len(deep):
         return drop
     d, n = positions.shape[1], len(positions)

@@ -10,7 +10,7 @@ import numpy as np
 
 from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.contact_detection.contacts import Contacts
-from fcsim.contact_detection.false_sides import came_another_way, known_facets, leaves_by_another_face
+from fcsim.contact_detection.false_sides import DEEP, KnownFacets, came_another_way, known_facets, leaves_by_another_face
 from fcsim.contact_detection.frames import frames
 from fcsim.contact_detection.surfaces import candidates as candidate_points
 from fcsim.contact_detection.surfaces import facets as contact_facets
@@ -80,7 +80,6 @@ class NodeToSegment:
         self._first = np.concatenate([[0], np.cumsum(counts)])
         self._near, self._near_own = ([VerletList() for _ in pairs] for _ in range(2))
         self._cuts: tuple[int, ...] = ()  # (size + 1,): which candidates each rank has, empty where they are not shared out
-        self.known = known_facets(self.slaves, self.masters)
         self._node = np.where((self.candidates.nodes >= 0).sum(axis=1) == 1, self.candidates.nodes[:, 0], -1)
         self._n_bodies = 1 + int(self.masters.bodies.max(initial=0))
         self.over_facets = 0.0
@@ -175,6 +174,11 @@ class NodeToSegment:
         return (candidate, facet) if other.all() else (candidate[other], facet[other])
 
     @cached_property
+    def known(self) -> KnownFacets:
+        """The facets of both surfaces, by bodies: few rules ever have a point so deep that it is asked where it came from."""
+        return known_facets(self.slaves, self.masters)
+
+    @cached_property
     def _alert_of_candidate(self) -> FloatArray:
         return np.array([pair.alert for pair in self.pairs])[self.pair_of_candidate]
 
@@ -261,7 +265,8 @@ class NodeToSegment:
             return feet
         body, least = self.masters.bodies[feet.facet], ROUND * feet.scale
         drop = leaves_by_another_face(self._node[feet.candidate], body, feet.gap, feet.normal, now.master.centre[feet.facet], least)
-        drop |= came_another_way(now.point[feet.candidate], body, feet.gap, feet.normal, feet.scale, self.known, now.positions)
+        if (-feet.gap > DEEP * feet.scale).any():
+            drop |= came_another_way(now.point[feet.candidate], body, feet.gap, feet.normal, feet.scale, self.known, now.positions)
         return feet.take(~drop) if drop.any() else feet
 
     def within(self, feet: Feet) -> BoolArray:

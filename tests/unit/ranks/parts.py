@@ -3,6 +3,7 @@
 import hashlib
 import json
 import os
+from collections import Counter
 from dataclasses import fields
 from pathlib import Path
 from typing import NamedTuple
@@ -11,6 +12,7 @@ from unittest.mock import patch
 import numpy as np
 import scipy.sparse as sp
 
+from fcsim import Body, Material, QuasiStatic, Simulation, Support, Traction, contact_surface
 from fcsim.assembly.model import build_model
 from fcsim.assembly.whole.kept_once import keep_in_common
 from fcsim.contact_detection import Contacts, ContactSurface, Detector, SurfacePair, contact_matrix_of_bodies, node_to_segment
@@ -19,6 +21,7 @@ from fcsim.contact_detection.node_to_segment import NodeToSegment
 from fcsim.contact_law.one_point import at_one_point
 from fcsim.linear.sparse.by_ranks import CONTACTS_FROM, RowsKept, normals_by_ranks, times_by_ranks, transposed_times_by_ranks
 from fcsim.linear.sparse.columns import has_pattern
+from fcsim.mesh import rectangle
 from fcsim.mesh.part import RigidBody
 from fcsim.ranks import World, alone, for_parts, held_in_common, in_parts, largest, sharing, tasks
 from fcsim.ranks.mapped_memory import in_common
@@ -268,6 +271,32 @@ def looked_at() -> list[float]:
     return [float(a) for least in (1, 1001) for a in largest("rows", 1000, least, lambda i, j: np.array([x[i:j].max(), -x[i:j].min()]))]
 
 
+def entered() -> tuple[list[str], int]:
+    """What is said of two soft blocks, each with one facet on fifty, and how many rules look for that on this rank: one a pair of surfaces,
+    and those of the steps."""
+    steel = Material(E=210e9, nu=0.0, density=7800.0)
+    bodies, pairs, made = [], [], Counter[str]()
+    for k, cells in enumerate((1, 2)):
+        upper, lower = (rectangle(f"{name} {k}", (1.0, 1.0), (n, 2), steel) for name, n in (("above", cells), ("below", 50)))
+        bodies += [Body(upper.name, upper, translation=(2.0 * k, 1.0)), Body(lower.name, lower, translation=(2.0 * k, 0.0))]
+    loads = [Traction(f"above {k}", "y+", (0.0, -1e6)) for k in (0, 1)]
+    held = [Support(f"below {k}", ("x", "y"), "y-") for k in (0, 1)] + [Support(f"above {k}", ("x",), "y+") for k in (0, 1)]
+    model = build_model(bodies, supports=held, loads=loads)
+    for k in (0, 1):
+        surfaces = (contact_surface(model, [(f"above {k}", "y-")]), contact_surface(model, [(f"below {k}", "y+")]))
+        pairs.append(SurfacePair(*surfaces, 0.0, 0.02, "nodes"))
+    make = Detector.__post_init__
+
+    def counted(detector: Detector) -> None:
+        made[detector.pairs[0].candidates] += 1
+        make(detector)
+
+    detection = Detector(pairs, model.n_nodes)
+    with patch.object(Detector, "__post_init__", counted):
+        (step,) = Simulation(model, detection, QuasiStatic(1.0, eta=1e-3), 1)
+    return [said for said in step.remarks if "between its points" in said], made["nodes"]
+
+
 def sent(world: World | None) -> bool:
     """Whether each rank gets what the others send to it alone: of number i to j i + 2 j numbers 10 i + j."""
     if world is None:
@@ -291,6 +320,7 @@ def main(folder: Path) -> None:
             "alone": by_itself,
             "products": products(),
             "largest": looked_at(),
+            "entered": entered(),
             "sent": sent(world),
             "kept": [*kept_rows(), *normals(world), *at_one_place(), *contacts_found(world)],
             "held": held(world),

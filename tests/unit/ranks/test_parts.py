@@ -34,3 +34,6 @@ def test_parts_are_those_of_one_process(on_ranks: OnRanks, expected: Any, ranks:
     for name, count in (("rows", 1001), ("several", 2)):
         made = [own[name][1] for own in found]
         assert sum(made) == count and max(made) - min(made) <= 1  # each rank as many
+    assert all(own["entered"][0] == expected["entered"][0] for own in found)
+    looks = [own["entered"][1] for own in found]
+    assert expected["entered"][1] == sum(looks) == 2 and max(looks) == 1

@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+from functools import partial
+
 import numpy as np
 
+from fcsim.arrays import BoolArray, FloatArray
 from fcsim.contact_detection import Detection, Detector, SurfacePair
 from fcsim.contact_detection.detection import innermost
+from fcsim.ranks import shared_out
 from fcsim.timestep.remarks.coarse import looked_at
 from fcsim.timestep.step import Step
 
@@ -62,13 +67,9 @@ class Entered:
         bears = np.zeros(model.n_nodes, dtype=bool)
         real = (contacts.nodes >= 0) & (force > 0)[:, None]
         bears[contacts.nodes[real]] = True
-        for number, pair in enumerate(detection.pairs):
-            if pair.candidates not in _POINTWISE:
-                continue
-            back = SurfacePair(pair.master, pair.slave, 0.0, pair.alert, "nodes", normals=pair.normals)
-            there = Detector([back], model.n_nodes, detection.edge_tolerance, detection.penetration)(x)
-            under = there.take((bears[there.nodes] & (there.nodes >= 0) & (there.weights < 0)).any(axis=1))
-            depth = float(np.maximum(-under.gap, 0.0).mean()) if len(under) else 0.0
+        pointwise = [(number, pair) for number, pair in enumerate(detection.pairs) if pair.candidates in _POINTWISE]
+        looks = [(1, partial(_depth, detection, pair, x, bears)) for _, pair in pointwise]
+        for (number, pair), (depth,) in zip(pointwise, _by_size(looks, [pair for _, pair in pointwise]), strict=True):
             least = SEEN * float(size[np.unique(np.concatenate([pair.slave.bodies, pair.master.bodies]))].min())
             if depth > max(NAMED * motion, least):
                 one, other = (model.bodies[int(surface.bodies[0])].name for surface in (pair.slave, pair.master))
@@ -79,3 +80,18 @@ class Entered:
                     'bear what the surfaces should. What helps: the finer surface as slave, candidates="mortar", or Everything'
                 }
         return {}
+
+
+def _depth(detection: Detector, pair: SurfacePair, x: FloatArray, bears: BoolArray) -> FloatArray:
+    """How deep [m] the master's nodes lie in the slave where that `bears` (nodes,), in the mean (1,); x (nodes, d) [m]."""
+    back = SurfacePair(pair.master, pair.slave, 0.0, pair.alert, "nodes", normals=pair.normals)
+    there = Detector([back], detection.n_nodes, detection.edge_tolerance, detection.penetration)(x)
+    under = there.take((bears[there.nodes] & (there.nodes >= 0) & (there.weights < 0)).any(axis=1))
+    return np.array([np.maximum(-under.gap, 0.0).mean() if len(under) else 0.0])
+
+
+def _by_size(looks: Sequence[tuple[int, Callable[[], FloatArray]]], pairs: Sequence[SurfacePair]) -> list[FloatArray]:
+    """What looks at pairs find, each pair by one rank: the largest first, so that each rank has as much to do."""
+    order = np.argsort([-len(pair.slave.facets) - len(pair.master.facets) for pair in pairs], kind="stable").tolist()
+    found = shared_out("masters' nodes within slaves", [looks[k] for k in order])
+    return [depth for _, depth in sorted(zip(order, found, strict=True), key=lambda both: both[0])]
