@@ -35,8 +35,8 @@ class Gap:
     second: 0 <= max(g/h, -recovery size) + u_N ⊥ r_N. So much deeper than h recovery size nothing lies in a sound run, and the law is
     that of LMGC90; where bodies begin within each other, or something was not seen in time, they come out slowly. With recovery = inf
     it is gone after one step, thrown out at the velocity |g|/h: energy from nothing. Gaps of up to 1e-7 sizes between rigid bodies are none
-    in dynamics, those of up to 1e-6 less than they are (see `counted`), but with recovery = inf. Quasi-statics have no time to go by: there it is
-    taken back in one step.
+    in dynamics, those of up to 1e-6 less than they are (see `counted`), but with recovery = inf. Quasi-statics have no time to go by:
+    there it is taken back in one step.
     friction: see `fcsim.contact_law.friction`; None = the coefficients of the pairs. Contacts are points: the friction torque of a
     face about its normal depends on which points carry (0.77 to 1.85 of that of uniform pressure); docs/contact_laws.md has the rule by
     which it is right.
