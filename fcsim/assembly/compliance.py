@@ -230,10 +230,10 @@ class SystemFactor:
         return self._solve_all(rhs)
 
     def _solve_all(self, rhs: FloatArray) -> FloatArray:
-        x, shares, ranges = rhs.copy(), self.model.shares, self.model.elastic.ranges
+        shares, ranges = self.model.shares, self.model.elastic.ranges
         linear = [group for group in self._groups if isinstance(group, GroupFactor)]
         spread = [group for group in linear if group.over_ranks and shares is not None]
-        each = solved_by_each(linear, ranges, rhs, self.rotation, x, shares)
+        x, each = solved_by_each(linear, ranges, rhs, self.rotation, shares)
         with self._section("solutions"):
             for group in self._groups:
                 if isinstance(group, BodyFactors):

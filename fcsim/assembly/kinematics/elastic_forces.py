@@ -145,7 +145,8 @@ class ElasticForces:
         """What groups of linear materials write to, like x (n_dofs,): zero where none of them does."""
         if len(self.groups) < len(self._all):
             return np.zeros_like(x)
-        total = np.empty_like(x)
+        by_runs = all(floating is None and not group.over_ranks for group, floating in zip(self.groups, self._floating, strict=True))
+        total = self.ranges.vector(len(x)) if by_runs else np.empty_like(x)
         total[self._elastic :] = 0.0
         return total
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from fcsim.arrays import FloatArray, IntArray
 from fcsim.assembly.groups import Group
-from fcsim.ranks import in_pieces, world
+from fcsim.ranks import World, for_parts, in_pieces, world
 
 AT_ONCE = 48
 """Bodies in a row whose like ones are solved for together: last bits depend on how many right sides BLAS has at once, so that these are as
@@ -31,11 +31,23 @@ class BodyRanges:
         edges go together; all of them where they are no more than a run has, since few right sides at a time take longer."""
         return [0, len(first)] if len(first) <= AT_ONCE else np.searchsorted(first, edges).tolist()
 
+    @property
+    def _sharing(self) -> World | None:
+        """The ranks that share work on these bodies."""
+        ranks, edges = world(), self.edges
+        return None if ranks is None or len(edges) - 1 < ranks.size or edges[-1] < SHARED_FROM else ranks
+
+    def vector(self, size: int) -> FloatArray:
+        """An array (size,) of any numbers for `share`, in memory that the ranks have in common where they share, so that nothing is copied:
+        what is not in the runs every rank writes, the same, and none of them adds to it. All ranks must ask."""
+        found: FloatArray = np.empty(size) if self._sharing is None else for_parts((size,), 0)
+        return found
+
     def share(self, what: str, work: Callable[[IntArray], None], x: FloatArray) -> None:
         """Have work(edges) write what x (n_dofs,) has from edges[0] to edges[-1], of consecutive runs: each rank those of some, all of them
         where there are few. All ranks must ask; work exchanges nothing itself."""
-        ranks, edges = world(), self.edges
-        if ranks is None or len(edges) - 1 < ranks.size or edges[-1] < SHARED_FROM:
+        ranks, edges = self._sharing, self.edges
+        if ranks is None:
             work(edges)
             return
         cuts = [(len(edges) - 1) * k // ranks.size for k in range(ranks.size + 1)]

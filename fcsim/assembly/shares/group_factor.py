@@ -169,18 +169,23 @@ class GroupFactor:
 
 
 def solved_by_each(
-    groups: Sequence[GroupFactor], ranges: BodyRanges, rhs: FloatArray, rotation: FloatArray | None, x: FloatArray, shares: Shares | None
-) -> list[GroupFactor]:
-    """Solve for the bodies of those groups that every rank has the factor of, each rank for some, see `GroupFactor.solve`; return them."""
+    groups: Sequence[GroupFactor], ranges: BodyRanges, rhs: FloatArray, rotation: FloatArray | None, shares: Shares | None
+) -> tuple[FloatArray, list[GroupFactor]]:
+    """x (n_dofs,), the solutions of the bodies of those groups that every rank has the factor of, each rank for some, see
+    `GroupFactor.solve`, and rhs (n_dofs,) else; and these groups."""
     each = [group for group in groups if shares is None or (group.everyones and not group.over_ranks)]
+    if not each:
+        return rhs.copy(), each
+    x, (first, *_, last) = ranges.vector(len(rhs)), ranges.edges
+    x[:first], x[last:] = rhs[:first], rhs[last:]
 
     def between(edges: IntArray) -> None:
+        x[edges[0] : edges[-1]] = rhs[edges[0] : edges[-1]]
         for group in each:
             group.solve(rhs, rotation, x, ranges.cuts(group.first, edges))
 
-    if each:
-        ranges.share("solutions", between, x)
-    return each
+    ranges.share("solutions", between, x)
+    return x, each
 
 
 TILE = 512

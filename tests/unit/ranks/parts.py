@@ -6,13 +6,15 @@ import os
 from collections import Counter
 from dataclasses import fields
 from pathlib import Path
-from typing import NamedTuple
+from types import SimpleNamespace
+from typing import Any, NamedTuple
 from unittest.mock import patch
 
 import numpy as np
 import scipy.sparse as sp
 
 from fcsim import Body, Material, QuasiStatic, Simulation, Support, Traction, contact_surface
+from fcsim.assembly.kinematics.ranges import BodyRanges
 from fcsim.assembly.model import build_model
 from fcsim.assembly.whole.kept_once import keep_in_common
 from fcsim.contact_detection import Contacts, ContactSurface, Detector, SurfacePair, contact_matrix_of_bodies, node_to_segment
@@ -297,6 +299,20 @@ def entered() -> tuple[list[str], int]:
     return [said for said in step.remarks if "between its points" in said], made["nodes"]
 
 
+def in_runs(world: World | None) -> tuple[str, bool]:
+    """A vector that runs of bodies write to, and numbers behind it that all write: it lies once on a machine, and nothing of it is sent."""
+    group: Any = SimpleNamespace(first=300 * np.arange(200), size=300)
+    ranges = BodyRanges([group])
+    before, x = 0 if world is None else world.bytes, ranges.vector(60_012)
+    x[60_000:] = 1.0
+
+    def work(edges: np.ndarray) -> None:
+        x[edges[0] : edges[-1]] = np.sin(np.arange(edges[0], edges[-1]))
+
+    ranges.share("runs", work, x)
+    return digest(x), world is None or (in_common(x) and world.bytes - before < 1000)
+
+
 def sent(world: World | None) -> bool:
     """Whether each rank gets what the others send to it alone: of number i to j i + 2 j numbers 10 i + j."""
     if world is None:
@@ -321,6 +337,7 @@ def main(folder: Path) -> None:
             "products": products(),
             "largest": looked_at(),
             "entered": entered(),
+            "runs": in_runs(world),
             "sent": sent(world),
             "kept": [*kept_rows(), *normals(world), *at_one_place(), *contacts_found(world)],
             "held": held(world),

@@ -29,6 +29,7 @@ def test_parts_are_those_of_one_process(on_ranks: OnRanks, expected: Any, ranks:
         common = own["common"]
         assert common["digests"] == expected["common"]["digests"]
         assert common["sent"] < 1000 and common["still"] and not common["grows"]  # 480 000 bytes are written a time
+        assert own["runs"] == expected["runs"] and own["runs"][1]
         assert own["refused"] == [expected["refused"][0], False]
         assert own["few"][1] == own["alone"][1] == expected["rows"][1] == 1001
     for name, count in (("rows", 1001), ("several", 2)):
