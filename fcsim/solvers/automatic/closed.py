@@ -21,6 +21,9 @@ SINGLE = 1.5
 FACES = 1.3
 """Velocities held, over those that there are, beyond which it is faces that hold: 1.3 to 5 after the first sweeps in walls, towers, layers
 of boxes, at most 1.2 in beds of rocks with up to three points a pair."""
+UNLIKE = 1e3
+"""Largest of the contacts' compliances over the least from which bodies are of unlike masses: 2e4 to 2e8 in beds of masses 1e4 to
+1e8 apart, 6 to 300 in beds of discs, spheres, rocks."""
 KEPT_UP_TO = 20000
 """Contacts up to which sweeps are NNCG from the beginning."""
 
@@ -119,6 +122,12 @@ def elastic_joints(race: Race) -> bool:
 def in_bed(race: Race) -> bool:
     """Whether grains lie in a bed, from zero: neither joints nor edges or faces that hold one another."""
     return race.joints is None and not race.warm and not held_as_blocks(race)
+
+
+def unlike(race: Race) -> bool:
+    """Whether bodies of very unlike masses touch, told by the contacts' own blocks of W."""
+    compliance = race.problem.compliance
+    return bool(compliance.max() > UNLIKE * compliance.min())
 
 
 def newton_stays(race: Race) -> bool:

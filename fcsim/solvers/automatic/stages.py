@@ -173,7 +173,7 @@ def _share_of_sweeps(race: Race) -> float:
 def _share_of_splitting(race: Race) -> float:
     """ADMM does not take up another's iterate: near a solution and far behind the best one it has little hope, whatever its rate."""
     behind = race.best < FAR and race.runners["splitting"].monitor.best > BEHIND * race.best
-    return LITTLE if behind or beside_interior(race) else 1.0
+    return LITTLE if behind else 1.0
 
 
 def _share_in_beds(race: Race) -> float:
@@ -213,7 +213,7 @@ STAGES: tuple[Stage, ...] = (
         price=lambda race: race.prices.admm,
         alone=_on_track,
         steady=lambda race: True,
-        left=lambda race, runner: race.joints is not None and not _on_track(race, runner),
+        left=lambda race, runner: (race.joints is not None or beside_interior(race)) and not _on_track(race, runner),
         share=_share_of_splitting,
     ),
     Stage(

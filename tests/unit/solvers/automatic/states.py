@@ -79,6 +79,7 @@ class State:
     single: bool | None = None
     still: bool = False
     motion: object = None
+    compliance: np.ndarray = field(default_factory=lambda: np.ones(2))
     runners: dict[str, Shown] = field(default_factory=dict)
 
     @property
@@ -89,7 +90,8 @@ class State:
     def problem(self) -> Any:
         W = sp.csr_array(np.eye(1)) if self.sparse else np.eye(1)
         delassus = SimpleNamespace(shares=self.shares, size=self.nc * self.dimension, motion=self.motion)
-        return SimpleNamespace(nc=self.nc, dimension=self.dimension, m=self.nc * self.dimension, W=W, delassus=delassus)
+        sizes = {"nc": self.nc, "dimension": self.dimension, "m": self.nc * self.dimension}
+        return SimpleNamespace(W=W, delassus=delassus, compliance=self.compliance, **sizes)
 
     @property
     def prices(self) -> Any:
