@@ -6,8 +6,8 @@ parts press on each other goes from one support or link into the other, and no e
 row of the problem such a contact makes W singular, and where round-off makes its u_N negative there is no answer to it.
 
 Nearly so where two layers whose end faces are driven alike slide on each other: the driven corner of one then stands a little beside the
-driven node of the other's facet. Only the lever of that cell, and the little that the normal leans, along which friction holds, would let
-such a contact bear, thousands of times what the bodies do (`_nearly`).
+driven node of the other's facet. Only the lever of that cell, and the lean of the normal, along which friction holds, would let such a
+contact bear, thousands of times what the bodies do (`_nearly`).
 """
 
 from __future__ import annotations
@@ -32,9 +32,6 @@ FREE = 1e-6
 
 NEARLY = 0.05
 """Of a contact's row along its normal: less of it on free unknowns of deformable bodies is the lever of a cell."""
-
-LEANS = 0.2
-"""Of a contact's row along its normal: with more of it on free unknowns the two bodies are a wedge and its slope, which bear."""
 
 TOUCHES = 1e-6
 """Of the smaller body's size: what ends a step nearer may press."""
@@ -87,7 +84,7 @@ def moved_by_supports(model: Model, H: sp.sparray, contacts: Contacts, mu: Float
     driven[model.driven_dofs] = True
     whole, free, touched = normals_by_ranks(rows, weight, driven, dimension)
     moved: BoolArray = touched & np.asarray(free <= FREE**2 * whole)
-    few = np.flatnonzero(touched & ~moved & (free <= LEANS**2 * whole))
+    few = np.flatnonzero(touched & ~moved & (free <= (NEARLY**2 + mu**2 / (1.0 + mu**2)) * whole))
     if len(few) and len(model.deformable):
         columns = (dimension * few[:, None] + np.arange(dimension)).ravel()
         moved[few] = _nearly(model, sp.csc_array(sp.csc_array(rows)[:, columns]), whole[few], mu[few], dimension)
@@ -96,20 +93,20 @@ def moved_by_supports(model: Model, H: sp.sparray, contacts: Contacts, mu: Float
 
 def _nearly(model: Model, H: sp.csc_array, whole: FloatArray, mu: FloatArray, d: int) -> BoolArray:
     """Of contacts with rows H (n_dofs, d k), whose normals' squares are `whole` (k,), those (k,) that have a force e_N + t within their
-    cone of friction, |t| <= mu, of which free dofs bear but a share: |H_free (e_N + t)| <= `NEARLY` |H e_N|. Only between deformable
-    bodies: a rigid one has no cells."""
+    cone of friction, |t| <= mu, of which free dofs bear but a share: |H_free (e_N + t)| <= `NEARLY` |H e_N|. Not of free rigid bodies,
+    whose levers are their own."""
     free, rigid = np.zeros((2, model.n_dofs), dtype=bool)
     free[model.free_dofs] = True
     model.rigid_part(rigid)[:] = True
-    on_rigid = np.asarray(abs(H[rigid]).sum(axis=0)).reshape(-1, d).any(axis=1)
-    own = sp.csc_array(H[free])
+    turning = np.asarray(abs(H[free & rigid]).sum(axis=0)).reshape(-1, d).any(axis=1)
+    own = sp.csc_array(H[free & ~rigid])
     axes = [own[:, k::d] for k in range(d)]
     square = np.array([[np.asarray(a.multiply(b).sum(axis=0)).ravel() for b in axes] for a in axes]).transpose(2, 0, 1)
     along, across = square[:, 1:, 0], square[:, 1:, 1:]
     t = -np.einsum("cij,cj->ci", np.linalg.pinv(across, hermitian=True), along)
     t *= np.minimum(1.0, mu / np.maximum(np.linalg.norm(t, axis=1), np.finfo(float).tiny))[:, None]
     least = square[:, 0, 0] + 2.0 * np.einsum("ci,ci->c", t, along) + np.einsum("ci,cij,cj->c", t, across, t)
-    nearly: BoolArray = ~on_rigid & (least <= NEARLY**2 * whole)
+    nearly: BoolArray = ~turning & (least <= NEARLY**2 * whole)
     return nearly
 
 
