@@ -4,10 +4,6 @@ Where both sides of a contact are held or driven along its normal, its row of H^
 and u_N is known beforehand. With u_N >= 0 the law 0 <= u_N ⊥ r_N >= 0 has the answer r = 0, also where u_N = 0 leaves r_N open: what such
 parts press on each other goes from one support or link into the other, and no equation of the model has it. With u_N < 0 it has none. As a
 row of the problem such a contact makes W singular, and where round-off makes its u_N negative there is no answer to it.
-
-Nearly so where two layers whose end faces are driven alike slide on each other: the driven corner of one then stands a little beside the
-driven node of the other's facet. Only the lever of that cell, and the lean of the normal, along which friction holds, would let such a
-contact bear, thousands of times what the bodies do (`_nearly`).
 """
 
 from __future__ import annotations
@@ -29,9 +25,6 @@ from fcsim.linkage import Linkage
 
 FREE = 1e-6
 """Of a contact's row along its normal: less of it on free unknowns is none."""
-
-NEARLY = 0.05
-"""Of a contact's row along its normal: less of it on free unknowns of deformable bodies is the lever of a cell."""
 
 TOUCHES = 1e-6
 """Of the smaller body's size: what ends a step nearer may press."""
@@ -68,10 +61,9 @@ class Driven(NamedTuple):
         return self.contacts.take(self.gaps(dx) <= TOUCHES * self.size)
 
 
-def moved_by_supports(model: Model, H: sp.sparray, contacts: Contacts, mu: FloatArray, proportions: Proportions) -> BoolArray:
+def moved_by_supports(model: Model, H: sp.sparray, dimension: int, proportions: Proportions) -> BoolArray:
     """Which contacts (nc,) of H (n_dofs, m) no free degree of freedom moves along their normals; levers of rigid rotations count in sizes
-    of their body. mu (nc,): of deformable bodies also those that press from one support into the other all but a share, see `_nearly`."""
-    dimension = contacts.dimension
+    of their body."""
     none = np.zeros(H.shape[1] // dimension, dtype=bool)
     if not len(model.driven_dofs) or not len(none):
         return none
@@ -83,31 +75,7 @@ def moved_by_supports(model: Model, H: sp.sparray, contacts: Contacts, mu: Float
     driven = np.zeros(model.n_dofs, dtype=bool)
     driven[model.driven_dofs] = True
     whole, free, touched = normals_by_ranks(rows, weight, driven, dimension)
-    moved: BoolArray = touched & np.asarray(free <= FREE**2 * whole)
-    few = np.flatnonzero(touched & ~moved & (free <= (NEARLY**2 + mu**2 / (1.0 + mu**2)) * whole))
-    if len(few) and len(model.deformable):
-        columns = (dimension * few[:, None] + np.arange(dimension)).ravel()
-        moved[few] = _nearly(model, sp.csc_array(sp.csc_array(rows)[:, columns]), whole[few], mu[few], dimension)
-    return moved
-
-
-def _nearly(model: Model, H: sp.csc_array, whole: FloatArray, mu: FloatArray, d: int) -> BoolArray:
-    """Of contacts with rows H (n_dofs, d k), whose normals' squares are `whole` (k,), those (k,) that have a force e_N + t within their
-    cone of friction, |t| <= mu, of which free dofs bear but a share: |H_free (e_N + t)| <= `NEARLY` |H e_N|. Not of free rigid bodies,
-    whose levers are their own."""
-    free, rigid = np.zeros((2, model.n_dofs), dtype=bool)
-    free[model.free_dofs] = True
-    model.rigid_part(rigid)[:] = True
-    turning = np.asarray(abs(H[free & rigid]).sum(axis=0)).reshape(-1, d).any(axis=1)
-    own = sp.csc_array(H[free & ~rigid])
-    axes = [own[:, k::d] for k in range(d)]
-    square = np.array([[np.asarray(a.multiply(b).sum(axis=0)).ravel() for b in axes] for a in axes]).transpose(2, 0, 1)
-    along, across = square[:, 1:, 0], square[:, 1:, 1:]
-    t = -np.einsum("cij,cj->ci", np.linalg.pinv(across, hermitian=True), along)
-    t *= np.minimum(1.0, mu / np.maximum(np.linalg.norm(t, axis=1), np.finfo(float).tiny))[:, None]
-    least = square[:, 0, 0] + 2.0 * np.einsum("ci,ci->c", t, along) + np.einsum("ci,cij,cj->c", t, across, t)
-    nearly: BoolArray = ~turning & (least <= NEARLY**2 * whole)
-    return nearly
+    return touched & np.asarray(free <= FREE**2 * whole)
 
 
 def held_by_links(model: Model, linkage: Linkage, x: FloatArray, H: sp.sparray, contacts: Contacts, proportions: Proportions) -> BoolArray:

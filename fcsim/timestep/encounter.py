@@ -287,7 +287,7 @@ def _under_law(
     meeting = Meeting(contacts, positions, before, state.t, scheme.timing, variables, proportions, bend, told.trial)
     terms, driven = law.terms(meeting), None
     refuse_endless(terms.mu)
-    apart = moved_by_supports(model, H, contacts, terms.mu, proportions)
+    apart = moved_by_supports(model, H, contacts.dimension, proportions)
     linked = np.zeros_like(apart)
     if told.linkage is not None:
         linked = ~apart & held_by_links(model, told.linkage, configuration, H, contacts, proportions)
