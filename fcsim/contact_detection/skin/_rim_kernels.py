@@ -17,6 +17,7 @@ RIMS = 16
 _STRAIGHT = 0.99  # cosine between rims that are one
 _STEEP = 1.0 / np.sqrt(1.0 + _RISES**2)  # the same as a cosine
 _LEVEL = np.cos(np.deg2rad(10.0))  # faces that oppose each other closer than this touch alike at either's rim
+_ACUTE = -0.1  # cosine between the faces at a rim: less where it is sharper than a right angle, but for what strain may turn them
 _AT_AN_ANGLE = 0.1  # sine: a face that is inclined along a rim by more touches it at one end
 SQUARER, RIGID = np.deg2rad(15.0), np.deg2rad(5.0)  # one end is blunter than the other; what of equal ones bends lies on what does not
 
@@ -91,12 +92,15 @@ def _rims(f: int, foot: Vector, n: Vector, near: float, beside: float, rims: Rim
 def covers(v: int, f: int, foot: Vector, n: Vector, near: float, beside: float, rims: Rims, s: Surroundings) -> bool:
     """Whether the surface around v lies over the facet f: always for a foot well inside it, and for one on its rim only if a facet
     around v that faces it reaches over the rim inwards, without rising steeply from it, or all that surface rises steeply, on both sides
-    of the rim. (Blocks whose corners merely meet, in a wall or, at any angles, in a dome, do not hold each other; one that rocks on the
-    rim is held, and what stands on a tip.)"""
+    of a rim that is no sharper than a right angle. (Blocks whose corners merely meet, in a wall or, at any angles, in a dome, do not hold
+    each other, nor do triangles around a common corner; one that rocks on the rim is held, and a plate that ends on a tip.)"""
     count = _rims(f, foot, n, near, beside, rims, s)
     if count == 0:
         return True
     tip, over_it = True, False
+    for r in range(count):
+        one, other = s.edge_facets[rims.edge[r], 0], s.edge_facets[rims.edge[r], 1]
+        tip = tip and dot(at(s.normals, one), at(s.normals, other)) > _ACUTE
     for k in range(s.first_star[v], s.first_star[v + 1]):
         g = s.star[k]
         over, steeply = True, True

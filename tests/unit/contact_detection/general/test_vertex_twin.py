@@ -78,6 +78,9 @@ class Twin:
         inside = np.array([(self.point[others] - a) @ inwards for a, inwards, _ in rims])
         rise = (self.point[others] - foot) @ n
         tip = bool(np.all((inside >= -10 * near) | (rise >= -1.2 * inside)))
+        for _, _, edge in rims:
+            one, other = self.normals[self.edge_facets[edge]]
+            tip = tip and bool(one @ other > -0.1)
         for g in self.around(v):
             x = self.point[self.corners(g)]
             if tip and all(np.any((x - a) @ inwards > 10 * near) for a, inwards, _ in rims):
