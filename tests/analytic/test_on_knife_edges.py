@@ -89,6 +89,26 @@ def test_nor_does_it_in_space(width: float, beyond: float, turn: bool) -> None:
     assert abs(thrust) <= (0.2 + 1e-3) * abs(down)  # friction's, mu = 0.2, and of the normal, which turns by 9e-4 as the beam's end
 
 
+@pytest.mark.parametrize("turn", [0.0, 0.7])
+@pytest.mark.parametrize("beyond", [0.0, 1e-9, -1e-9, 0.01])
+@pytest.mark.parametrize(("m", "slope"), [(1.0, 0.6), (1.0, 4.0), (1e3, 2.0)])
+def test_a_rigid_plank_that_ends_on_smooth_knives_has_no_thrust(m: float, slope: float, beyond: float, turn: float) -> None:
+    """Each bears half of its weight across it; on the sides of steep knives it leant with slope / 2 of its weight. Units: 1 / m metres."""
+    c, s = np.cos(turn), np.sin(turn)
+    R = np.array([[c, -s], [s, c]])
+    section = m * np.array([(-0.1, -0.1 * slope), (0.1, -0.1 * slope), (0.0, 0.0)])
+    half = m * (0.5 + beyond)
+    outline = np.array([(-half, 0.0), (half, 0.0), (half, 0.1 * m), (-half, 0.1 * m)])
+    knives = [rigid_polygon(n, (section + np.array([x * m, 0.0])) @ R.T, density=1000.0) for n, x in (("left", -0.5), ("right", 0.5))]
+    plank = rigid_polygon("plank", outline @ R.T, density=2000.0 / m**2)
+    held = [Support(k.name, ("x", "y", "rz")) for k in knives]
+    model = build_model([*knives, plank], supports=held, gravity=tuple(R @ (0.0, -9.81 * m)))
+    *_, last = Simulation(model, Everything(model, 0.0), Theta(1e-3), 5)
+    weight = 2000.0 * (1.0 + 2 * beyond) * 0.1 * 9.81 * m
+    for name in ("left", "right"):
+        assert_allclose(R.T @ last.contact_force_on(name), [0.0, -weight / 2], atol=1e-6 * weight)
+
+
 @pytest.mark.parametrize("sectors", [5, 6, 7])
 def test_the_corners_of_walls_that_merely_meet_at_an_angle_are_not_held_by_tips(sectors: int) -> None:
     """Blocks around a common corner, turned: none lies over another, but those with a common face."""
