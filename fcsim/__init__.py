@@ -4,6 +4,7 @@ The public names are loaded when first used, so that the core (FCLIB files, solv
 """
 
 from importlib import import_module
+from pathlib import Path as _Path
 from typing import TYPE_CHECKING
 
 from fcsim import memory as _memory
@@ -13,6 +14,7 @@ from fcsim.version import __version__ as __version__
 
 _runtime.keep_freed_memory()
 _runtime.writable_caches()
+_runtime.forget_outdated_kernels(_Path(__file__).parent)
 _runtime.load_numba_alone()
 _moved.watch_imports()
 

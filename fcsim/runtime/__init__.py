@@ -8,6 +8,7 @@
 * Large arrays that are freed in one step and made again in the next stay with the process (`keep_freed_memory`).
 * `dolfinx()` and `petsc()` are the only doors to those packages: where the `dolfinx_solver` wheel exists it must be imported first.
 * `compiled_form` compiles forms, and mends what a killed process left where they are kept.
+* `forget_outdated_kernels` has numba compile anew what calls a file that has changed.
 * The working directory is a place, not a source (`without_local_options`): numba reads .numba_config.yaml there (where compiled functions
   are loaded from), dolfinx dolfinx_jit_options.json (arguments of the C compiler), PETSc .petscrc (files it writes, libraries it loads),
   matplotlib matplotlibrc (programs it calls), and `python -c` every module: a folder of somebody else's results would run their code.
@@ -24,6 +25,7 @@ from fcsim.runtime.libraries import dolfinx as dolfinx
 from fcsim.runtime.libraries import has_petsc as has_petsc
 from fcsim.runtime.libraries import mpi as mpi
 from fcsim.runtime.libraries import petsc as petsc
+from fcsim.runtime.outdated_kernels import forget_outdated_kernels as forget_outdated_kernels
 from fcsim.runtime.thread_limits import THREAD_VARIABLES as THREAD_VARIABLES
 from fcsim.runtime.thread_limits import library_threads as library_threads
 from fcsim.runtime.thread_limits import limited_threads as limited_threads
