@@ -41,6 +41,29 @@ def test_from_a_near_start_proximal_newton_begins_and_w_is_not_made_ready_for_ot
 
 
 @pytest.mark.parametrize("family", ["towers", "walls-2D"])
+def test_a_start_that_is_far_too_large_begins_by_the_multiple_that_fits(family: str, error_of: Measure) -> None:
+    """Where bodies come to rest u = 0, and r times c answers q times c: the multiple of least energy of 20 r is r."""
+    made = _reduced(family, 200)
+    resting = solve(made, "PPA-NSN-AC", tol=1e-10).r
+    local = replace(made, q=-(made.delassus @ resting))
+    assert error_of(local, resting) <= 1e-10 and error_of(local, 20 * resting) > 1
+    found = solve(local, "auto", 20 * resting, tol=1e-8)
+    assert found.solved and found.iterations == 0 and error_of(local, found.r) <= 1e-8
+    kept = solve(local, "auto", 2 * resting, tol=1e-8)  # a half of it would fit: not far too large
+    assert kept.solved and kept.history[0][2] == pytest.approx(error_of(local, 2 * resting)) and kept.iterations > 0
+
+
+def test_a_start_that_pushes_the_wrong_way_begins_as_it_is(error_of: Measure) -> None:
+    made = _reduced("towers", 200)
+    start = solve(made, "PPA-NSN-AC", tol=1e-10).r
+    few = np.arange(made.m) < made.m // 4
+    away = replace(made, q=np.where(few, made.q, -made.q))  # most blocks part
+    assert start @ away.q > 0
+    found = solve(away, "auto", start, tol=1e-8)
+    assert found.solved and found.history[0][2] == pytest.approx(error_of(away, start))
+
+
+@pytest.mark.parametrize("family", ["towers", "walls-2D"])
 def test_from_a_near_start_newton_alone_begins_where_joints_have_stiffness(
     family: str, monkeypatch: pytest.MonkeyPatch, error_of: Measure
 ) -> None:
