@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 
+from fcsim.arrays import FloatArray
 from fcsim.solvers.automatic.race import Race
 from fcsim.solvers.newton.systems._velocity_kernels import velocities_held
 from fcsim.solvers.newton.systems.choice import without_a_factor
@@ -63,7 +64,16 @@ def closed(race: Race) -> int:
 
 
 def held(race: Race) -> float:
-    """Velocities that the closed contacts hold, over those that the bodies have; 0 where these are not known, or W is regular.
+    """Velocities that the contacts which are closed at the best iterate hold, over those that the bodies have, counted once for each
+    iterate: rules ask for it some ten times between two turns."""
+    r = race.best_r()
+    if race.held is None or race.held[0] is not r:
+        race.held = r, _held(race, r)
+    return race.held[1]
+
+
+def _held(race: Race, r: FloatArray) -> float:
+    """`held` at the reactions r (m,); 0 where the bodies' velocities are not known, or W is regular.
 
     A sticking contact holds all of its velocity, a sliding one its normal one at least. At r = 0 those hold that are about to close,
     q_N < 0, as Newton's first iteration has them: sticking where |q_T| < mu |q_N|.
@@ -71,7 +81,6 @@ def held(race: Race) -> float:
     motion = race.problem.delassus.motion
     if motion is None or motion.own is not None:
         return 0.0
-    r = race.best_r()
     velocities = velocities_held(r if np.any(r) else -race.problem.q, race.problem.mu, 1 - STICKING, race.problem.dimension)
     return float(velocities) / motion.M.shape[0]
 

@@ -214,8 +214,8 @@ def _fall(course: Sequence[tuple[float, float]], share: float) -> float:
 
 @dataclass(eq=False)
 class Race:
-    """What the stages' conditions look at. problem: with W as `storage` fits it; swept: the storage that sweeps read; points, single and
-    still: see `closed.points_a_pair`, `closed.in_single_points`, `later.still`."""
+    """What the stages' conditions look at. problem: with W as `storage` fits it; swept: the storage that sweeps read; points, single,
+    held (at which iterate, what) and still: see `closed.points_a_pair`, `closed.in_single_points`, `closed.held`, `later.still`."""
 
     problem: LocalProblem
     swept: LocalProblem
@@ -228,6 +228,7 @@ class Race:
     runners: dict[str, Runner] = field(default_factory=dict)
     points: float | None = None
     single: bool | None = None
+    held: tuple[FloatArray, float] | None = None
     still: bool | None = None
 
     @property

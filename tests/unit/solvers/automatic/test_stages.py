@@ -302,7 +302,7 @@ def test_at_rest_those_contacts_hold_that_are_about_to_close(friction: float, ve
     q, mu = np.array([-1.0, 0.6, 0.8, 1.0, 0.0, 0.0]), np.full(2, friction)
     motion = SimpleNamespace(own=None, M=np.eye(6))
     problem = SimpleNamespace(q=q, mu=mu, dimension=3, delassus=SimpleNamespace(motion=motion))
-    race: Any = SimpleNamespace(problem=problem, best_r=lambda: np.zeros(6))
+    race: Any = SimpleNamespace(problem=problem, best_r=lambda: np.zeros(6), held=None)
     assert closed.held(race) == pytest.approx(velocities / 6)
     race.best_r = lambda: np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0])
     assert closed.held(race) == pytest.approx(3 / 6)  # else those whose reaction is not zero
