@@ -22,6 +22,7 @@ from fcsim.assembly.shares.group_factor import GroupFactor, own_surface, solved_
 from fcsim.assembly.shares.shares import Shares, runs
 from fcsim.assembly.whole.elastic_matrix import ElasticMatrix, joined
 from fcsim.errors import InputError
+from fcsim.linear.late.late_rows import with_short_indices
 from fcsim.linear.sparse._vectors_kernels import weighted_sum
 from fcsim.ranks import held_in_common, partners, world
 
@@ -191,7 +192,7 @@ class SystemFactor:
         model = self.model
         blocks = self.mass * turned_matrices(model.rigid_axes, self.rigid_mass)
         indptr, indices, data = rows_of_blocks(np.ascontiguousarray(blocks), model.rigid_free, model.driven == "eliminated")
-        return sp.csr_array((data, indices, indptr), shape=(len(indptr) - 1, len(indptr) - 1))
+        return with_short_indices(sp.csr_array((data, indices, indptr), shape=(len(indptr) - 1, len(indptr) - 1)))
 
     def apply(self, v: FloatArray) -> FloatArray:
         """Return A v (n_dofs,) over all dofs in world axes, driven ones as they are."""

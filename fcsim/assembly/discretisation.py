@@ -18,6 +18,7 @@ from scipy.sparse import csr_array
 from fcsim import runtime
 from fcsim.arrays import FloatArray, IntArray
 from fcsim.errors import InputError
+from fcsim.linear.late.late_rows import with_short_indices
 from fcsim.mesh.cell_type import CELL_TYPES
 from fcsim.mesh.part import Part
 
@@ -82,7 +83,7 @@ class Discretisation:
     def matrix(self, form: Form, space: FunctionSpace) -> csr_array:
         entries = runtime.dolfinx().fem.assemble_matrix(runtime.compiled_form(form)).to_scipy().tocoo()
         dof = self.dof(space)
-        return csr_array((entries.data, (dof[entries.row], dof[entries.col])), shape=entries.shape)
+        return with_short_indices(csr_array((entries.data, (dof[entries.row], dof[entries.col])), shape=entries.shape))
 
     def vector(self, form: Form, space: FunctionSpace) -> FloatArray:
         dof = self.dof(space)

@@ -42,6 +42,7 @@ from scipy.sparse import csr_array
 from fcsim.arrays import FloatArray, IntArray
 from fcsim.brief import brief
 from fcsim.errors import InputError
+from fcsim.linear.late.late_rows import with_short_indices
 from fcsim.mesh.cell_type import CELL_TYPES, CellType
 from fcsim.mesh.order.quadrature import quadrature as by_gauss
 from fcsim.mesh.part import Part
@@ -183,7 +184,7 @@ def stiffness(part: Part, C: FloatArray) -> csr_array:
         row, column = np.broadcast_to(dofs[:, :, None], K_cells.shape), np.broadcast_to(dofs[:, None], K_cells.shape)
         K = K + csr_array((K_cells.ravel(), (row.ravel(), column.ravel())), shape=(n, n))
     half = 0.5 * part.thickness * K
-    return csr_array(half + half.T)
+    return with_short_indices(csr_array(half + half.T))
 
 
 def _blocks(part: Part, C: FloatArray) -> Iterator[tuple[IntArray, Cells]]:

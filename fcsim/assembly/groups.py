@@ -17,6 +17,7 @@ from fcsim.assembly.over_ranks.pieces import spread_operators, spread_over
 from fcsim.assembly.supports import HeldDofs
 from fcsim.brief import brief
 from fcsim.errors import InputError
+from fcsim.linear.late.late_rows import with_short_indices
 from fcsim.linear.over_ranks.rows import RowsOverRanks
 from fcsim.linear.sparse._vectors_kernels import put_rows, rows_of
 from fcsim.mesh.material.by_region import is_linear
@@ -79,7 +80,8 @@ class Group:
         if self.axes is None:
             return None
         count = len(self.axes)
-        return sp.csr_array(sp.bsr_array((self.axes, np.arange(count), np.arange(count + 1)), shape=(self.size, self.size)))
+        blocks = sp.bsr_array((self.axes, np.arange(count), np.arange(count + 1)), shape=(self.size, self.size))
+        return with_short_indices(sp.csr_array(blocks))
 
     @cached_property
     def turnable(self) -> FloatArray | None:

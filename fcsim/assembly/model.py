@@ -28,6 +28,7 @@ from fcsim.assembly.supports import DrivenRotation, HeldDofs, Support, held_dofs
 from fcsim.assembly.time_functions import gravity_of
 from fcsim.brief import brief, by_fields, shown
 from fcsim.errors import InputError, asked
+from fcsim.linear.late.late_rows import with_short_indices
 from fcsim.linear.over_ranks.rows import whole
 from fcsim.linear.sparse._vectors_kernels import put_lumped
 from fcsim.linear.sparse.each import times_each
@@ -307,8 +308,8 @@ class Model(BodyLayout):
         """Return H (n_dofs, m) from the nodal contact matrix (d n_nodes, m) in the configuration x: B^T times it, where node velocities are
         B v: those of deformable bodies, v + omega x (p - c) on rigid ones."""
         if not self.rigid:
-            return sp.csc_array(nodal)
-        return self.rigid_bodies.on_bodies(self.rigid_part(x), sp.csc_array(nodal), self.n_elastic)
+            return with_short_indices(sp.csc_array(nodal))
+        return self.rigid_bodies.on_bodies(self.rigid_part(x), with_short_indices(sp.csc_array(nodal)), self.n_elastic)
 
 
 def build_model(

@@ -14,6 +14,7 @@ from fcsim.assembly.model import Model
 from fcsim.contact_detection.contacts import Contacts
 from fcsim.contact_law.law import Terms
 from fcsim.errors import InputError
+from fcsim.linear.late.late_rows import with_short_indices
 
 ROWS = 5
 """Unknowns of a contact with rolling resistance."""
@@ -62,7 +63,7 @@ def _moments(model: Model, contacts: Contacts, axes: tuple[int, ...]) -> sp.csc_
             columns.append(np.repeat(k * own + place, turns))
             values.append(sign * along.ravel())
     entries = np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))
-    return sp.csc_array(sp.coo_array(entries, shape=(model.n_dofs, k * len(contacts))))
+    return with_short_indices(sp.csc_array(sp.coo_array(entries, shape=(model.n_dofs, k * len(contacts)))))
 
 
 def with_moments(H: sp.sparray, moments: sp.sparray, dimension: int) -> sp.csc_array:

@@ -16,7 +16,7 @@ from fcsim.linear._elimination_tree_kernels import has_symmetric_pattern
 from fcsim.linear.block_rows import product_by_rows
 from fcsim.linear.elimination_tree import EliminationTree, elimination_tree, joint_count
 from fcsim.linear.factors import SingularMatrix
-from fcsim.linear.late.late_rows import LateRows, in_blocks
+from fcsim.linear.late.late_rows import LateRows, in_blocks, with_short_indices
 
 FRONTS_FROM, JOINT, SAVING = 600, 6, 0.2
 """Contact unknowns from which, contacts a joint in the mean from which, and flops over m^3 up to which fronts are worth their overhead."""
@@ -45,7 +45,7 @@ class BlockRows:
         """W: dense or sparse; earlier: where W has this pattern, it is not analysed again; last (nc,): see `elimination_tree`."""
         if isinstance(W, np.ndarray):
             indptr, indices, blocks = block_rows_of_dense(W, d)
-            rows = sp.bsr_array((blocks, indices, indptr), shape=W.shape)
+            rows = with_short_indices(sp.bsr_array((blocks, indices, indptr), shape=W.shape))
         else:
             rows = in_blocks(W, d)
             if not rows.has_sorted_indices:

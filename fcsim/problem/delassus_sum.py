@@ -148,6 +148,12 @@ class DelassusSum:
         return (starts[:0], columns[:0]) if self.dense else (starts, columns)
 
     @property
+    def short_pattern(self) -> tuple[IntArray, IntArray]:
+        """`pattern` with starts of 32 bits where these suffice: SciPy makes columns of 64 bits, in a copy, where starts have them."""
+        starts, columns = self.pattern
+        return (starts.astype(np.int32) if len(columns) < np.iinfo(np.int32).max else starts), columns
+
+    @property
     def size(self) -> int:
         """Entries that there is room for."""
         return self._m**2 if self.dense else self._entries
@@ -192,5 +198,5 @@ class DelassusSum:
         d, m = len(self._axes), self._m
         if self.dense:
             return self.values.reshape(m, m)
-        starts, columns = self.pattern
+        starts, columns = self.short_pattern
         return sp.bsr_array((self.values.reshape(-1, d, d), columns, starts), shape=(m, m), blocksize=(d, d))

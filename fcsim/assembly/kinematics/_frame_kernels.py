@@ -78,9 +78,10 @@ def block_product(indptr, indices, blocks, columns):
                     x, y = columns[j, c], columns[j + 1, c]
                     first[c] += b00 * x + b01 * y
                     second[c] += b10 * x + b11 * y
-        product[d * i], product[d * i + 1] = first, second
-        if d == 3:
-            product[3 * i + 2] = third
+        for c in range(k):
+            product[d * i, c], product[d * i + 1, c] = first[c], second[c]
+            if d == 3:
+                product[3 * i + 2, c] = third[c]
     return product
 
 

@@ -16,6 +16,7 @@ from fcsim.assembly.nonlinear.cells import CellStrain, PartCells, cell_strain, p
 from fcsim.assembly.nonlinear.foreseen import foreseen
 from fcsim.assembly.nonlinear.mean_strain import respond_between
 from fcsim.assembly.nonlinear.strain_measures import InStrain, PlaneStress
+from fcsim.linear.late.late_rows import with_short_indices
 from fcsim.mesh.material.by_region import ByRegion, as_law
 from fcsim.mesh.material.law import Circumstances, PointLaw, initial_variables
 from fcsim.mesh.part import Part
@@ -44,7 +45,7 @@ class NodeGraph:
         """Blocks (nblocks, d, d) as one csr_array; entries of no block are left out, zeros within are kept."""
         n = len(self.indptr) - 1
         d = blocks.shape[-1]
-        return sp.csr_array(sp.bsr_array((blocks, self.indices, self.indptr), shape=(n * d, n * d)))
+        return with_short_indices(sp.csr_array(sp.bsr_array((blocks, self.indices, self.indptr), shape=(n * d, n * d))))
 
 
 @once_per_part

@@ -8,6 +8,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from fcsim.arrays import FloatArray, IntArray
+from fcsim.linear.late.late_rows import with_short_indices
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +45,7 @@ class DofAxes:
         rest = np.setdiff1d(np.arange(size), dofs.ravel())
         rows = np.concatenate([rest, np.repeat(dofs, d, axis=1).ravel()])
         columns = np.concatenate([rest, np.tile(dofs, (1, d)).ravel()])
-        return sp.csr_array((np.concatenate([np.ones(len(rest)), frame.ravel()]), (rows, columns)), shape=(size, size))
+        return with_short_indices(sp.csr_array((np.concatenate([np.ones(len(rest)), frame.ravel()]), (rows, columns)), shape=(size, size)))
 
     def blocks(self, begin: int, end: int, width: int) -> FloatArray | None:
         """The frames (n, width, width) of the consecutive groups of `width` dofs in begin ... end - 1; None where all are the world's.

@@ -63,6 +63,19 @@ def _inside_box(first: int, last: int, low: FloatArray, high: FloatArray, box_lo
 
 
 @njit(cache=True)
+def _sorted_along(low: FloatArray, items: IntArray, axis: int) -> IntArray:
+    """The items by their lower ends along an axis; of equal ones the first stays the first."""
+    ends = np.empty(len(items))
+    for k in range(len(items)):
+        ends[k] = low[items[k], axis]
+    order = np.argsort(ends, kind="mergesort")
+    found = np.empty_like(items)
+    for k in range(len(items)):
+        found[k] = items[order[k]]
+    return found
+
+
+@njit(cache=True)
 def item_pairs(
     pairs: IntArray,
     body_low: FloatArray,
@@ -97,12 +110,14 @@ def item_pairs(
         if sweep:  # both sorted by their lower ends along the axis on which b's items are spread most
             widest = -1.0
             for i in range(3):
-                spread = low_b[theirs, i].max() - low_b[theirs, i].min()
-                if spread > widest:
-                    widest, axis = spread, i
-            theirs = theirs[np.argsort(low_b[theirs, axis], kind="mergesort")]
-            ours = ours[np.argsort(low_a[ours, axis], kind="mergesort")]
-            longest = (high_b[theirs, axis] - low_b[theirs, axis]).max()
+                least, most = low_b[theirs[0], i], low_b[theirs[0], i]
+                for item in theirs:
+                    least, most = min(least, low_b[item, i]), max(most, low_b[item, i])
+                if most - least > widest:
+                    widest, axis = most - least, i
+            theirs, ours = _sorted_along(low_b, theirs, axis), _sorted_along(low_a, ours, axis)
+            for item in theirs:
+                longest = max(longest, high_b[item, axis] - low_b[item, axis])
         start = 0
         for item in ours:
             if sweep:

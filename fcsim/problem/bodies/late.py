@@ -30,10 +30,7 @@ class LateSum:
 
     def rows(self) -> LateRows:
         """W by block rows."""
-        starts, columns = self._sum.pattern
-        if len(columns) < np.iinfo(np.int32).max:  # SciPy makes columns of 64 bits where the starts have these
-            starts = starts.astype(np.int32)
-        return LateRows.of(self, starts, columns, 3 * self.shares.nc, 3)
+        return LateRows.of(self, *self._sum.short_pattern, 3 * self.shares.nc, 3)
 
     def affine(self, x: FloatArray, q: FloatArray) -> FloatArray:
         """W x + q (m,); W x of the last x is kept: who checks an answer asks for the product that a method has ended with."""

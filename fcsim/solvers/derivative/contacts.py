@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 from fcsim.arrays import FloatArray, IntArray, Matrix
 from fcsim.errors import InputError
 from fcsim.linear.factors import DenseLU, SingularMatrix, SuperLU
+from fcsim.linear.late.late_rows import with_short_indices
 from fcsim.linear.singularity import refuse_singular
 from fcsim.problem import OPEN, SLIP, STICK, LocalProblem
 from fcsim.solvers.derivative.outer import OuterProduct, checked_change
@@ -141,7 +142,7 @@ def _laws(x: FloatArray, w: FloatArray, mu: FloatArray, status: NDArray[np.int8]
 def _block_diagonal(blocks: FloatArray) -> sp.bsr_array:
     """The matrix with these blocks (c, d, d) on its diagonal."""
     count, d = blocks.shape[:2]
-    return sp.bsr_array((blocks, np.arange(count), np.arange(count + 1)), shape=(count * d, count * d))
+    return with_short_indices(sp.bsr_array((blocks, np.arange(count), np.arange(count + 1)), shape=(count * d, count * d)))
 
 
 def _factor(J: sp.csr_array) -> DenseLU | SuperLU:

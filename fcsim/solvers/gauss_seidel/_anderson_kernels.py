@@ -6,6 +6,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from fcsim.linear.block_factors._dense_kernels import solve_dense
+
 NEARLY_DEPENDENT = 1e-14
 """What is added to the diagonal 1 of the normal equations of gamma, in differences of length 1, which may be nearly dependent."""
 
@@ -25,8 +27,9 @@ def mix(f, g, last_f, last_g, steps, images, normal, place, count):
             images[place, i] = g[i] - last_g[i]
             square += steps[place, i] * steps[place, i]
         length = np.sqrt(square) if square > 0.0 else 1.0  # two steps alike
-        steps[place] /= length
-        images[place] /= length
+        for i in range(len(f)):
+            steps[place, i] /= length
+            images[place, i] /= length
         products = np.dot(steps[:count], steps[place])
         for k in range(count):
             normal[place, k] = products[k]
@@ -36,5 +39,11 @@ def mix(f, g, last_f, last_g, steps, images, normal, place, count):
     for i in range(len(f)):
         last_f[i], last_g[i] = f[i], g[i]
     if count > 0:
-        gamma = np.linalg.solve(normal[:count, :count].copy(), np.dot(steps[:count], f))
-        g -= np.dot(gamma, images[:count])
+        gamma, factors = np.dot(steps[:count], f), np.empty((count, count))
+        for k in range(count):
+            for j in range(count):
+                factors[k, j] = normal[k, j]
+        if solve_dense(factors, gamma):  # else, as of numbers that are none, the point stays
+            mixed = np.dot(gamma, images[:count])
+            for i in range(len(g)):
+                g[i] -= mixed[i]

@@ -101,7 +101,7 @@ def anderson(
             reaction[:] = start
             change, size, _, _ = solver.sweep(
                 *(rows.indptr, rows.indices, rows.blocks, rows.diagonal, rows.shift, rows.q, rows.mu, rows.rho, order(), reaction, frozen),
-                *(tolerance, options.local_iterations, options.relaxation, False, 0, 0.0, 1, 0.0),
+                *(float(tolerance), options.local_iterations, options.relaxation, False, 0, 0.0, 1, 0.0),
             )
             light = float(np.sqrt(change / size)) if size > 0 else float(change)
             if not light > (tau if options.error_evaluation == "light" else 0.0):  # NaN ends it too

@@ -149,7 +149,7 @@ def nsgs(
         nonlocal settled
         change, size, _, done = solver.sweep(
             *(rows.indptr, rows.indices, rows.blocks, rows.diagonal, rows.shift, rows.q, rows.mu, rows.rho, order(), reaction, frozen),
-            *(tolerance, options.local_iterations, options.relaxation, options.filter_local, options.freezing, settled),
+            *(float(tolerance), options.local_iterations, options.relaxation, options.filter_local, options.freezing, settled),
             *(count if alike else 1, tau if options.error_evaluation == "light" else 0.0),
         )
         light = float(np.sqrt(change / size)) if size > 0 else float(change)

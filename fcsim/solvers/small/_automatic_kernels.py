@@ -195,7 +195,7 @@ def solve_automatically(
         turn += 1
         most = min(within, int(0.5 * budget / price))
         found_r, found_error, iterations = proximal_newton(
-            W, q, mu, compliance, weights, scale, tol, begin, d, most, alone[2 if far else turn - 1], DECADE
+            W, q, mu, compliance, weights, scale, tol, begin, d, most, alone[2 if far else turn - 1], np.int64(DECADE)
         )
         inside += iterations
         of_newton += price * iterations

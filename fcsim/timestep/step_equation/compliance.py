@@ -290,7 +290,8 @@ class StepCompliance:
         """H on the dofs (n_dofs,), in the axes of the bodies' compliances."""
         model = self.factor.model
         if model.driven == "eliminated":
-            H = sp.csc_array((H.data, model.free_dofs[H.indices], H.indptr), shape=(model.n_dofs, H.shape[1]))
+            rows = model.free_dofs[H.indices].astype(H.indices.dtype)
+            H = sp.csc_array((H.data, rows, H.indptr), shape=(model.n_dofs, H.shape[1]))
         return H if self.factor.rotation is None else self._in_frames(H)
 
     def _in_frames(self, H: sp.csc_array) -> sp.csc_array:

@@ -61,7 +61,7 @@ def test_sum_of_the_bodies_shares(monkeypatch: pytest.MonkeyPatch, stored: str, 
     assert_allclose(dense(found), expected, rtol=0, atol=1e-12 * max(np.abs(expected).max(), 1))
     if sp.issparse(found):
         assert found.blocksize == (d, d)
-        assert found.has_sorted_indices
+        assert found.has_sorted_indices and found.indices.dtype == np.int32
         assert len(found.indices) == np.count_nonzero(shared_bodies(H, body, len(bodies), d))
 
 

@@ -14,6 +14,7 @@ from fcsim.assembly.kinematics.following.pressures import FollowingPressures
 from fcsim.assembly.kinematics.following.when import When
 from fcsim.assembly.layout import BodyLayout
 from fcsim.assembly.loads import Follower, FollowerForce, FollowerPressure
+from fcsim.linear.late.late_rows import with_short_indices
 
 
 class FollowingLoads:
@@ -45,7 +46,7 @@ class FollowingLoads:
     def apart(self, x: FloatArray, when: When, whole: bool) -> sp.csr_array:
         """dF/dx (n_dofs, n_dofs) less what is in `with_blocks`; whole: all of it."""
         pressed = self.pressures.derivative(x, when) if whole else self.pressures.skew(x, when)
-        return sp.csr_array(pressed + self.forces.derivative(x, when))
+        return with_short_indices(sp.csr_array(pressed + self.forces.derivative(x, when)))
 
     def nodes(self, whole: bool) -> IntArray:
         """Numbers of the nodes that `apart` joins."""

@@ -13,6 +13,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from fcsim.errors import InputError
 from fcsim.linear._block_rows_kernels import product
 from fcsim.linear.block_rows import block_rows
+from fcsim.linear.late.late_rows import with_short_indices
 from fcsim.problem import LocalProblem
 from fcsim.solvers import SOLVERS, Status, solve
 from fcsim.solvers.gauss_seidel.one_contact import ONE_CONTACT
@@ -197,7 +198,7 @@ def test_block_rows_of_repeated_entries_in_any_order(form: type) -> None:
     nc, d, count = 6, 3, 80
     major, minor, values = rng.integers(nc * d, size=count), rng.integers(nc * d, size=count), rng.standard_normal(count)
     major = np.sort(major)
-    W = form((values, minor, np.searchsorted(major, np.arange(nc * d + 1))), shape=(nc * d, nc * d))
+    W = with_short_indices(form((values, minor, np.searchsorted(major, np.arange(nc * d + 1))), shape=(nc * d, nc * d)))
     row, column = (major, minor) if form is sp.csr_array else (minor, major)
     dense = np.zeros((nc * d, nc * d))
     np.add.at(dense, (row, column), values)

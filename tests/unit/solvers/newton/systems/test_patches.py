@@ -41,7 +41,7 @@ def test_the_worst_joints_choose_first_and_none_is_in_two_patches() -> None:
     assert [set(which[i:j]) for i, j in itertools.pairwise(starts)] == [{4, 5, 6}, {7, 8, 9}, {0, 1, 2}]
     starts, which = kernels.choose_patches(np.array([5, 8]), begins, beside, cuts, 8, 1e9)  # as many contacts as a patch may have
     assert which.tolist() == [5, 4, 8, 7]
-    starts, which = kernels.choose_patches(np.array([5, 8]), begins, beside, cuts, 12, 12)  # enough with the first
+    starts, which = kernels.choose_patches(np.array([5, 8]), begins, beside, cuts, 12, 12.0)  # enough with the first
     assert which.tolist() == [5, 4, 6]
 
 
