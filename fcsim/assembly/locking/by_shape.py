@@ -13,6 +13,7 @@ import numpy as np
 
 from fcsim.arrays import FloatArray, IntArray
 from fcsim.assembly.elasticity import once_per_part
+from fcsim.assembly.locking.least_box import least_box
 from fcsim.assembly.model import Model
 from fcsim.assembly.nonlinear.part import laws_of
 from fcsim.assembly.supports import DrivenRotation, Support
@@ -31,6 +32,9 @@ LONG_LOCKS, LONG = 0.499, 5.0
 
 SLENDER, TOO_STIFF = 4.0, 0.25
 """Longest over smallest extent of a straight part, and by how much it may be too stiff where it bends."""
+
+SAME = 1e-6
+"""Of an extent: what is round-off."""
 
 SIMPLICES = 2.5
 """Of (l / H)^2: by how much P1 cells are too stiff, measured on the cantilevers of docs/elements.md (hexahedra cut into six)."""
@@ -62,11 +66,13 @@ def locking_in_bending(part: Part) -> str:
     """What is to be said of a slender straight part whose cells of first order are too long to bend; "" where there is nothing."""
     if part.elements not in ("Q1", "Q1-bbar", "P1"):
         return ""
-    extent = np.ptp(part.points, axis=0)
-    along, height = int(np.argmax(extent)), float(extent.min())
-    if extent[along] < SLENDER * height:
+    axes = least_box(part.points)  # of the part, which may be meshed where it is to stand, at any angle
+    extent = np.ptp(part.points @ axes.T, axis=0)
+    height = float(extent[-1])
+    if extent[0] < (1 - SAME) * SLENDER * height:
         return ""
-    length = float(np.median(np.ptp(part.points[part.cells][:, :, along], axis=1)))
+    along = axes[extent > (1 - SAME) * extent[0]]  # both of a square plate
+    length = float(np.median(np.ptp(part.points[part.cells] @ along.T, axis=1), axis=0).max())
     nu = min(_poisson(law, _middle(part, cells)) for law, cells in laws_of(part))
     shear = 0.5 * (1 - nu) if part.dimension == 2 and part.plane == "strain" else 0.5 / (1 + nu)
     stiffer = (SIMPLICES if part.elements == "P1" else shear) * (length / height) ** 2

@@ -1,8 +1,11 @@
 """Elements that lock are named as a run begins, and others are not."""
 
+from dataclasses import replace
 from typing import Any
 
+import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from fcsim import Body, Support, build_model
 from fcsim.assembly.locking import locking, locking_in_bending, locking_in_flow, locking_parts
@@ -55,6 +58,13 @@ def test_cells_too_long_to_bend(length: float, energy: float, unit: float) -> No
         assert percent == pytest.approx(100 * (1 / energy - 1), rel=0.05)
 
 
+def round_bar(material: Material) -> Part:
+    """Of 4 x 4 x 8 cells, the square of each section bent into a disk."""
+    part = brick("b", (2.0, 2.0, 20.0), (4, 4, 8), material, origin=(-1.0, -1.0, 0.0))
+    x, y, z = part.points.T
+    return replace(part, points=np.stack([x * np.sqrt(1 - y**2 / 2), y * np.sqrt(1 - x**2 / 2), z], axis=1))
+
+
 def test_which_parts_are_said_to_bend_too_stiffly() -> None:
     stone = Material(1e6, 0.2, 1.0)
     assert not locking_in_bending(brick("cube", (1.0, 1.0, 1.0), (1, 1, 1), stone))
@@ -65,6 +75,26 @@ def test_which_parts_are_said_to_bend_too_stiffly() -> None:
     assert "enhanced" not in locking_in_bending(brick("beam", (2.0, 0.1, 0.1), (8, 1, 1), neo_hooke(1e6, 0.3, 1.0)))  # linear ones alone
     assert locking_in_bending(brick("plate", (1.0, 1.0, 0.02), (8, 8, 1), stone))
     assert locking_in_bending(rectangle("strip", (2.0, 0.1), (8, 2), stone))
+
+
+@pytest.mark.parametrize("kind", ["beam", "planks", "plate", "simplices", "strip", "round bar"])
+def test_parts_meshed_at_an_angle_are_named_by_the_same_numbers(kind: str) -> None:
+    """What stands obliquely is as high as it is long along the axes of space: nothing was said of it, or another number."""
+    stone = Material(1e6, 0.2, 1.0)
+    parts = {
+        "beam": brick("b", (2.0, 0.1, 0.1), (8, 2, 2), stone),
+        "planks": brick("b", (1.2, 1.1, 0.3), (2, 4, 1), stone),  # four times as long as high, but for round-off
+        "plate": brick("b", (1.0, 1.0, 0.02), (8, 4, 1), stone),
+        "simplices": brick("b", (1.0, 0.1, 0.1), (8, 2, 2), stone, "tetrahedron"),
+        "strip": rectangle("b", (2.0, 0.1), (8, 2), stone),
+        "round bar": round_bar(stone),
+    }
+    part = parts[kind]
+    said, d = locking_in_bending(part), part.dimension
+    assert said
+    for angle in (17, 41, 90, 133):
+        turn = Rotation.from_euler("zxz"[: 2 * d - 3], [angle, 2 * angle, 31][: 2 * d - 3], degrees=True).as_matrix().reshape(3, 3)[:d, :d]
+        assert locking_in_bending(replace(part, points=part.points @ turn.T + 0.3)) == said
 
 
 @pytest.mark.parametrize(("supports", "said"), [([("x", "y")], 0), ([("x",), ("y",)], 0), ([("x",)], 1), ([], 1)])
