@@ -86,7 +86,7 @@ def picture(
                   of one step
     view          of 3D models, "front": along the thickness; 2D models are seen along z
     exaggeration  factor on displacements; None: the largest is shown as 5 to 8 % of the size of the whole (1 where it is more already), or
-                  less where bodies that touch would be drawn in each other or what turns would grow (`Framed.largest_factor`)
+                  less where bodies would be drawn in each other or what turns would grow (`Framed.largest_factor`)
 
     The bodies fill the picture, of wide floors that stand still the part near what moves is shown.
     Raises InputError for no step, steps of several models, and choices that are not there; MissingDependency without pyvista or OpenGL.

@@ -40,7 +40,7 @@ def render(
                                                                         see `fcsim.view.page`
 
     exaggeration  factor on displacements; None: the largest is shown as 5 to 8 % of the size of the whole (1 where it is more already), or
-                  less where bodies that touch would be drawn in each other or what turns would grow (`Framed.largest_factor`)
+                  less where bodies would be drawn in each other or what turns would grow (`Framed.largest_factor`)
     progress      called with (what, done, total): "plots", "survey", "pictures", "film", "page"
     tell          called with what pictures do not show: rigid bodies between the camera and the rest
 

@@ -57,6 +57,7 @@ class Blocks:
         ]
 
         self._largest = [0.0 if S is None else float(abs(S).sum(axis=1).max()) for S, *_ in self._parts]  # sum_j |S_ij| [Pa/m]
+        self._size = [float(np.ptp(part.points, axis=0).max()) for part in members]
 
         width = np.repeat([body.part.cells.shape[1] for body in bodies], count)
         connectivity = np.concatenate([(body.part.cells + begin).ravel() for body, begin in zip(bodies, node_begin, strict=False)])
@@ -78,9 +79,10 @@ class Blocks:
         return self._grid
 
     def _round_off(self, displacement: NDArray) -> float:
-        """[Pa] what the stresses of linear parts have of round-off, about eps sum_j |S_ij| |x_j|: more, the farther they have come."""
+        """[Pa] what the stresses of linear parts have of round-off, about eps sum_j |S_ij| |x_j|: more, the farther they have come; and of
+        displacements that are below the round-off of positions, eps times the part's size, as where nothing loads a body."""
         moved = (float(np.abs(displacement[nodes]).max()) for _, nodes, _, _ in self._parts)
-        return float(np.finfo(np.float64).eps * max(S * y for S, y in zip(self._largest, moved, strict=True)))
+        return float(np.finfo(np.float64).eps * max(S * max(y, size) for S, y, size in zip(self._largest, moved, self._size, strict=True)))
 
     def _nonlinear(self, von_mises: NDArray, state: State) -> dict[str, NDArray]:
         """Put the von Mises stress of bodies of nonlinear materials in its place; their internal variables by name, (ncells,) or

@@ -78,6 +78,24 @@ def test_a_body_that_falls_on_another_is_not_drawn_inside_it(fallen, left):
     assert seen.largest_factor == pytest.approx((fallen + left + 0.1) / fallen)
 
 
+@pytest.mark.parametrize("contacts", [None, contact_of(1, 0, 0.0)])
+def test_a_body_that_falls_and_has_no_contact_yet_is_not_drawn_inside_what_is_below(contacts):
+    """Bodies 2 and 3 are 1 m and 3 m above the crate and fall 0.25 m: at the factor f their gaps are 1 - f / 4 and 3 - f / 4; of the
+    stone's 0.5 m a twentieth is borne. What stands beside the crate, without a contact, keeps nothing from moving."""
+    falls = (0, 0, -0.25)
+    high = ((0.5, 0.5, 0.5), (0, 0, 3.25)), ((0.5, 0.5, 0.5), (0.9, 0, 5.25))
+    bodies = boxes(FLOOR, CRATE, *high, ((1, 1, 2), (1.5, 0, 1)), moved=(STILL, STILL, falls, falls, STILL))
+    seen = Framed()
+    seen.see(bodies, rigid=True)
+    seen.see_motion([bodies], contacts)
+    assert seen.largest_factor == pytest.approx((1 + 0.025) / 0.25)
+    beside = Framed()
+    passes = boxes(FLOOR, CRATE, ((0.5, 0.5, 0.5), (3, 0, 0.25)), moved=(STILL, STILL, (0.1, 5, 0)))
+    beside.see(passes, rigid=True)
+    beside.see_motion([passes], contacts)
+    assert beside.largest_factor > 1e6
+
+
 def test_what_opens_slides_or_moves_with_its_ground_is_exaggerated_at_will():
     for crate, floor in (((0, 0, 0.1), STILL), ((0.1, 0.1, 0), STILL), ((0.1, 0.2, -3), (0.1, 0.2, -3))):
         seen = Framed()
