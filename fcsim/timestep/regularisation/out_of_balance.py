@@ -67,10 +67,12 @@ def _shares(step: Step, scheme: QuasiStatic) -> tuple[FloatArray, FloatArray]:
     inertia -= model.driven_share(inertia)
     contact = step.H @ step.reaction
     acting = [model.load(step.state.t, x) + pushing(model, x, When.at(step.state.t)), contact.copy(), step.support_impulse]
-    rigid = model.n_elastic  # the forces of contacts on it cancel each other in a body's dofs where it is squeezed
+    rigid = model.n_elastic  # the forces of contacts and links on it cancel each other in a body's dofs where it is squeezed: a strut
     contact[rigid:] = np.abs(step.H)[rigid:] @ np.abs(step.reaction)
     if step.linked is not None and step.result.multiplier is not None:
-        acting.append(step.linked.G @ step.result.multiplier)
+        linked = step.linked.G @ step.result.multiplier
+        linked[rigid:] = np.abs(step.linked.G)[rigid:] @ np.abs(step.result.multiplier)
+        acting.append(linked)
     works = [np.add.reduceat(np.abs(dx * force), begin) for force in (inertia, *acting)]
     work = _relative(works[0], np.maximum.reduce(works))
     work[begin >= model.n_elastic] = 0.0

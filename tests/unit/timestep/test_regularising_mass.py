@@ -1,13 +1,29 @@
 """What the mass that regularises statics is not: a force of supports, nor of a rigid body that is squeezed; and what it has to be."""
 
 import re
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from fcsim import Body, Everything, ExactContacts, Material, QuasiStatic, RigidBody, Simulation, Step, Support, Traction, build_model
+from fcsim import (
+    Ball,
+    Body,
+    Control,
+    Everything,
+    ExactContacts,
+    Linkage,
+    Material,
+    QuasiStatic,
+    RigidBody,
+    Simulation,
+    Step,
+    Support,
+    Traction,
+    build_model,
+)
 from fcsim.assembly.model import Model
 from fcsim.errors import NotConverged
 from fcsim.mesh import brick, rectangle, rigid_rectangle, rigid_sphere, with_surface
@@ -61,6 +77,40 @@ def test_a_plate_of_any_mass_presses_with_the_force_of_what_it_presses() -> None
         energy = step.energy
         assert abs(energy.residual) < 1e-9 * energy.support_work
         assert_allclose(energy.numerical_dissipation, energy.support_work / (2 * step.number), rtol=1e-4)
+
+
+def toggle(eta: float) -> Step:
+    """Two rigid bars of 1 m and 1 kg, pinned to the ground, to each other at 10 degrees above a line and to a ram on it, whose knee is
+    brought down by 0.1 m, so that the ram presses a block."""
+    knee, end = np.array([np.cos(np.radians(10)), np.sin(np.radians(10))]), 2 * np.cos(np.radians(10))
+    bars = []
+    for name, first, last in (("left", np.zeros(2), knee), ("right", knee, np.array([end, 0.0]))):
+        along = last - first
+        bar, turn = rigid_rectangle(name, (0.9, 0.04), (0.0, 0.0), 1.0), np.stack([along, [-along[1], along[0]]], axis=1)
+        bars.append(replace(bar, points=bar.points @ turn.T + 0.5 * (first + last), centre=0.5 * (first + last)))
+    block = rectangle("block", (0.5, 0.4), (2, 2), SOFT, origin=(end + 0.2, -0.2))
+    bodies = [Body("block", block), *bars, rigid_rectangle("ram", (0.2, 0.5), (end + 0.1, 0.0), 1.0)]
+    supports = [Support("block", ("x", "y"), "x+"), Support("ram", ("y", "rz"))]
+    model = build_model(bodies, supports=supports)
+    pins = [Ball("ground", "left", None, (0.0, 0.0)), Ball("knee", "left", "right", knee), Ball("head", "right", "ram", (end, 0.0))]
+    push = Control("push", (("left", knee, 1.0),), (0.0, -1.0), displacement=lambda t: 0.1 * t)
+    contact = Everything(model, mu=0.0, exclude=[("left", "right"), ("right", "ram")])
+    *_, last_step = Simulation(model, contact, QuasiStatic(0.5, eta=eta), 2, linkage=Linkage(model, [*pins, push]))
+    return last_step
+
+
+def test_struts_between_pins_bear_what_passes_through_them() -> None:
+    """Pins press it from both ends, and sum to what its own mass takes: that was said to be 0.61 of the forces on it, "not in equilibrium".
+
+    P = 2 F tan(angle), F = E A e / L of the block; with 3e4 times the mass it is so.
+    """
+    step = toggle(0.1)
+    angle = np.arcsin(np.sin(np.radians(10)) - 0.1)
+    force = 1e6 * 0.4 * 2 * (np.cos(angle) - np.cos(np.radians(10))) / 0.5
+    assert_allclose(step.contact_force_on("ram")[0], -force, rtol=1e-4)
+    assert_allclose(np.linalg.norm(step.link_force("push")), 2 * force * np.tan(angle), rtol=1e-4)
+    assert not [text for text in step.remarks if "carried by the mass" in text]
+    assert [text for text in toggle(3e3).remarks if "carried by the mass" in text]
 
 
 def squeezed(eta: float) -> Step:
