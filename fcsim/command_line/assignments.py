@@ -42,6 +42,22 @@ def given_by_options(options: argparse.Namespace, script: CaseScript) -> dict[st
     return given
 
 
+def whole_number(text: str) -> int:
+    """The type of options: argparse's own words for what is none are "invalid int value"."""
+    try:
+        return int(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"expected a whole number, such as 1000, got {text!r}") from None
+
+
+def number(text: str) -> float:
+    """See `whole_number`."""
+    try:
+        return float(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"expected a number, such as 1e-8, got {text!r}") from None
+
+
 def checked_tolerance(tol: float) -> float:
     """A tolerance on the relative error. From 1 on r = 0 would always do, without an iteration."""
     if not 0 < tol < 1:

@@ -15,6 +15,7 @@ from pathlib import Path
 
 from fcsim.command_line import info, render, run, solve, solvers, sweep
 from fcsim.command_line.answers import answering
+from fcsim.command_line.assignments import number, whole_number
 from fcsim.command_line.masonry import atlas, structures
 from fcsim.command_line.sets import bench, collection, leaderboard, profile
 from fcsim.command_line.start import begin, cases, completion, doctor
@@ -47,10 +48,13 @@ Exit codes: 0 all converged, 1 no convergence or penetration seen, 2 bad input, 
 
 
 def _add_output_options(parser: argparse.ArgumentParser) -> None:
-    """Give every command --quiet, and --json where it has none of its own."""
+    """Give every command --quiet, and --json where it has none of its own; and have numbers that are none refused by what was expected."""
     parsers = [parser]
     for parent in parsers:
         below = [action for action in parent._actions if isinstance(action, argparse._SubParsersAction)]
+        for action in parent._actions:
+            if action.type in (int, float):
+                action.type = whole_number if action.type is int else number
         for action in below:
             parsers += list(dict.fromkeys(action.choices.values()))
         if parent is parser or not below:

@@ -48,8 +48,8 @@ _KEYS = {
 """What each record may say."""
 _MEANT = {"fixed": "support", "is_support": "support", "friction": "mu", "mu": "mu_between of contact", "scaled": "scaled_by_multiplier"}
 """What is said in other words, and the key that says it."""
-_BEYOND = ("cohesion", "tension", "tensile", "dilat")
-"""Parts of the names of what joints of dry blocks do not have."""
+_BEYOND = ("cohesion", "tension", "tensile", "dilat", "friction_angle")
+"""Parts of the names of what joints of dry blocks do not have, or have as another number."""
 _UNITS = {
     "length": ("m", "metre", "metres", "meter", "meters"),
     "mass": ("kg", "kilogram", "kilograms"),
@@ -297,7 +297,7 @@ def _refuse_slips(entry: Mapping[str, object], kind: str, where: str) -> None:
         if key in known or not value:
             continue
         if any(part in key.lower() for part in _BEYOND):
-            raise InputError(f"{where}: expected dry joints with Coulomb's friction, got {key!r}: {value!r}, which is not covered")
+            raise InputError(f"{where}: expected dry joints with Coulomb's friction mu, got {key!r}: {value!r}, which is not covered")
         left = [name for name in known if name not in entry]
         meant = _MEANT.get(key.lower(), "").split(" of ")
         near = [" of ".join(meant)] if meant[0] in left or meant[1:] else get_close_matches(key.lower(), left, 1, 0.8)

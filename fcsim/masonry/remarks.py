@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.csgraph import connected_components
 
+from fcsim.arrays import FloatArray
 from fcsim.contact_detection import Contacts
 from fcsim.masonry.collapse import FINEST, FIRST, Bracket, pressed, tolerance_of
 from fcsim.masonry.limit_analysis.analysis import LimitAnalysis
+from fcsim.masonry.limit_analysis.limit import associative_limit
 from fcsim.masonry.limit_analysis.wedged import only_wedged
 from fcsim.masonry.problem import GRAVITY, MasonryProblem
 
@@ -21,12 +24,16 @@ _THIN = 1e-6  # of a structure's extent: contacts that span less are one point o
 _OTHER_GRAVITY = 2.0  # times g, or its part, is another unit of length, or another planet
 _ALONG, _FLAT, _LAYERS = 0.9, 0.5, 3  # of a normal, of height and width, blocks on each other: a wall that lies on its side
 _CANCELS = 1e-6  # of the largest load: what is left of loads that cancel, by a program's digits
+_LARGE = 20.0  # [m] stones that are larger, in the median, are given in another unit: of 25 cm in cm or mm
+_STEEPEST, _RIGHT = 5.0, 90.0  # friction of no stone, tan 79 degrees, and degrees that an angle of friction has less of
+_BEARS = 1e-3  # of the multiplier: what edges add that is said
 _NAMED = 5  # blocks that are named before "and n more"
 
 
 def remarks(analysis: LimitAnalysis, seen: Bracket | None) -> tuple[str, ...]:
     """Return what must be known of the model and of simulated numbers, one sentence each."""
-    return (*_of_the_model(analysis), *(() if seen is None else _of_the_simulation(analysis, seen)))
+    of_the_model = (*_of_the_model(analysis), *_of_units(analysis.problem), *_at_edges(analysis))
+    return (*of_the_model, *(() if seen is None else _of_the_simulation(analysis, seen)))
 
 
 def _of_the_model(analysis: LimitAnalysis) -> list[str]:
@@ -85,6 +92,50 @@ def _of_the_model(analysis: LimitAnalysis) -> list[str]:
     return said
 
 
+def _of_units(problem: MasonryProblem) -> list[str]:
+    """Lengths that are none of stones in metres, and friction that is none of stones."""
+    said, extents = [], [float(np.ptp(block.surface.points, axis=0).max()) for block in problem.blocks if not block.support]
+    g = float(np.linalg.norm(problem.acceleration(scaled=False)))
+    if extents and np.median(extents) > _LARGE and GRAVITY / _OTHER_GRAVITY < g < GRAVITY * _OTHER_GRAVITY:
+        said.append(
+            f"blocks are {np.median(extents):.4g} m large in the median: are lengths in mm or cm? Multipliers of accelerations are the "
+            "same, forces, times and displacements are not"
+        )
+    for mu in sorted({problem.mu, *problem.between.values()}):
+        if _STEEPEST < mu < _RIGHT:
+            said.append(f"mu {mu:g} is that of no stone: if it is the angle of friction in degrees, mu is {np.tan(np.deg2rad(mu)):.4g}")
+    return said
+
+
+def _at_edges(analysis: LimitAnalysis) -> list[str]:
+    """What is borne where blocks meet along an edge or at a corner alone, as across the edge in which the joints of four meet at an angle:
+    such edges chip, and where several normals would do contacts take one of them, or each, which bears more."""
+    limit, d = analysis.limit, analysis.limit.contacts.dimension
+    contacts, near, upper = limit.contacts, _THIN * analysis.problem.size, analysis.associative
+    if upper.outcome != "limit":
+        return []
+    blocks_on_a_line = on_a_line(contacts, len(analysis.problem.blocks), near)
+    pairs, place = np.unique(np.sort(contacts.bodies, axis=1), axis=0, return_inverse=True)
+    thin = [
+        not blocks_on_a_line[pair].any() and _one_line(contacts.point[place.ravel() == k], d, near) for k, pair in enumerate(pairs.tolist())
+    ]
+    at_edge = np.array(thin)[place.ravel()]
+    if not at_edge.any():
+        return []
+    kept = np.flatnonzero(~at_edge)
+    columns = (kept[:, None] * d + np.arange(d)).ravel()
+    without = associative_limit(replace(limit, contacts=contacts.take(kept), H=limit.H[:, columns]))
+    if without.outcome == "undecided" or not without.multiplier < (1 - _BEARS) * upper.multiplier:
+        return []
+    a, b = (analysis.problem.blocks[k].name for k in pairs[int(np.argmax(thin))])
+    others = sum(thin) - 1
+    more = f" and {others} other pair{'s' * (others > 1)} of blocks" if others else ""
+    return [
+        f"{a!r} and {b!r}{more} meet along an edge or at a corner alone, and limit analysis counts what they bear there: with joints alone "
+        f"the associative multiplier is {without.multiplier:.6g}"
+    ]
+
+
 def lies_down(contacts: Contacts, held: np.ndarray, problem: MasonryProblem) -> bool:
     """Whether a structure looks as if it were drawn with y up: thinner than high and wide, each free block on one support (planks lie on
     two beams), and joints between free blocks with normals along y, none along z."""
@@ -135,9 +186,14 @@ def on_a_line(contacts: Contacts, count: int, near: float) -> np.ndarray:
     points = np.repeat(contacts.point, 2, axis=0)[order]
     numbers, first = np.unique(both[order], return_index=True)
     for number, own in zip(numbers, np.split(points, first[1:]), strict=True):
-        spans = np.linalg.svd(own - own.mean(axis=0), compute_uv=False)
-        found[number] = len(spans) < contacts.dimension - 1 or spans[contacts.dimension - 2] < near
+        found[number] = _one_line(own, contacts.dimension, near)
     return found
+
+
+def _one_line(points: FloatArray, d: int, near: float) -> bool:
+    """Whether points (n, d) lie on one line (2D: at one point), to `near` [m]."""
+    spans = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
+    return bool(len(spans) < d - 1 or spans[d - 2] < near)
 
 
 def _of_the_simulation(analysis: LimitAnalysis, seen: Bracket) -> list[str]:

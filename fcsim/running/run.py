@@ -179,6 +179,8 @@ def _opened(
         description = _resumed(description, stored, asked.case, moments, directory, accept_changes)
     check_folder(directory, may_hold)
     if moments is None:  # a new run, or one that stopped before its first checkpoint
+        if stored is not None:
+            description = _anew(description, stored, directory / "checkpoint.h5")
         empty(directory)
         description = description.begun()
     remove_partial_files(directory)
@@ -210,6 +212,18 @@ def _resumed(
     notes = accepted(changes(stored, now), accept)
     check_moments(moments, case.simulation.model, case.simulation.steps, directory / "checkpoint.h5")
     return replace(now, origin=stored.origin, overlap=stored.overlap, notes=tuple(dict.fromkeys((*stored.notes, *now.notes, *notes))))
+
+
+def _anew(now: Description, stored: Description, checkpoint: Path) -> Description:
+    """The description of a run that begins again for want of a checkpoint, with a note. InputError where a checkpoint was written as the
+    run ended: what is there is whole, and would be emptied."""
+    if stored.steps_done == 0:
+        return now
+    if stored.status in ("finished", "interrupted"):
+        raise InputError(
+            f"{checkpoint}: expected the checkpoint of the {stored.steps_done} steps that the run has, found none; --overwrite begins anew"
+        )
+    return replace(now, notes=(*now.notes, "no checkpoint was there to go on from: the run has begun anew"))
 
 
 def _none_computed(start: int) -> str:

@@ -33,8 +33,8 @@ def falling(model: Model, state: State, scheme: Scheme, gravity: FloatArray, ste
     g = float(np.linalg.norm(gravity))
     if g == 0 or not scheme.timing.moving or model.loads or np.any(model.along(state.v)[model.free_dofs]):
         return
-    axis = int(np.argmax(np.abs(gravity)))
-    straight = abs(gravity[axis]) >= ALONG * g
+    down, axis = gravity / g, int(np.argmax(np.abs(gravity)))
+    straight = abs(down[axis]) >= ALONG
     if told := _of_all_bodies(model, axis, straight):
         yield told
     if told or len(model.bodies) < 2:
@@ -42,9 +42,10 @@ def falling(model: Model, state: State, scheme: Scheme, gravity: FloatArray, ste
     if np.any(state.v):  # supports that move: where to is not known here
         return
     exact = any(isinstance(body, RigidBody) and (body.shape is not None or not len(body.points)) for body in model.bodies)
-    if held.all() or exact or not straight or len(model.bodies) > MANY:
+    if held.all() or exact or len(model.bodies) > MANY:
         return
-    way, below = _ways(model, model.positions(state.x), axis, float(np.sign(gravity[axis])))
+    positions = model.positions(state.x)
+    way, below = _ways(model, positions if straight else _turned(positions, down, axis), axis, float(np.sign(gravity[axis])))
     names = [body.name for body in model.bodies]
     lost = np.flatnonzero(~held & ~_above(below, held))
     if lost.size:
@@ -53,6 +54,8 @@ def falling(model: Model, state: State, scheme: Scheme, gravity: FloatArray, ste
             f"nothing lies under body {names[lost[0]]!r}{more}: it falls out of the scene. Is it where it is meant, and the floor large "
             "enough?"
         )
+        return
+    if not straight:  # boxes of bodies that lie along no axis reach into each other: how far a fall goes is not known from them
         return
     # bodies that fall keep their distances: the first to be stopped is the one that is nearest to a held one
     to_held = np.where(below & ~held[:, None] & held[None], way, np.inf)
@@ -87,6 +90,16 @@ def _of_all_bodies(model: Model, axis: int, straight: bool) -> str:
 def _held_along(model: Model, axis: str) -> bool:
     """Whether any support holds something along an axis of the world; those along axes of their own, and rotations, are taken to."""
     return any(isinstance(s, DrivenRotation) or s.axes is not None or axis in s.directions for s in model.supports)
+
+
+def _turned(positions: FloatArray, down: FloatArray, axis: int) -> FloatArray:
+    """Positions (n, d) mirrored such that the unit vector `down` points along its largest component: boxes lie along gravity then, and are
+    at least as large as the bodies, so that less is said of what may lie beside one, nothing that is not so (Householder 1958)."""
+    to = np.zeros_like(down)
+    to[axis] = np.sign(down[axis])
+    normal = (down - to) / np.linalg.norm(down - to)
+    mirrored: FloatArray = positions - 2 * np.outer(positions @ normal, normal)
+    return mirrored
 
 
 def _ways(model: Model, positions: FloatArray, axis: int, sign: float) -> tuple[FloatArray, BoolArray]:

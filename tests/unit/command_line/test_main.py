@@ -307,6 +307,14 @@ def test_version_and_wrong_commands(capsys: pytest.CaptureFixture[str]) -> None:
         with pytest.raises(SystemExit) as stop:
             main(arguments)
         assert stop.value.code == 2
+    for arguments, said in (
+        (["run", "x", "--steps", "1e3"], "argument --steps: expected a whole number, such as 1000, got '1e3'"),
+        (["solve", "x", "--tol", "1e-"], "argument --tol: expected a number, such as 1e-8, got '1e-'"),
+        (["collection", "select", "x", "--count", "ten"], "argument --count: expected a whole number, such as 1000, got 'ten'"),
+    ):
+        with pytest.raises(SystemExit):
+            main(arguments)
+        assert said in capsys.readouterr().err
 
 
 def in_a_process(*command: str, cwd: Path) -> subprocess.CompletedProcess[str]:

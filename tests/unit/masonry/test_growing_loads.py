@@ -84,6 +84,55 @@ def test_gravity_in_other_units_is_said() -> None:
     assert any("is 9810 m/s^2, far from 9.81" in said for said in remarks(found, None))
 
 
+def test_lengths_of_another_unit_and_an_angle_of_friction_are_said() -> None:
+    """A stone of 1 m in cm, whose multiplier b / h = 0.3 gives nothing away; 35 degrees of friction, whose coefficient is tan 35."""
+    stone = stone_on_floor()
+    blocks = tuple(replace(block, surface=replace(block.surface, points=100.0 * block.surface.points)) for block in stone.blocks)
+    found = analyse(pushed(replace(stone, blocks=blocks, mu=35.0), (1.0, 0.0, 0.0)))
+    assert found.associative.multiplier == pytest.approx(0.3)
+    large, steep = remarks(found, None)
+    assert large.startswith("blocks are 100 m large in the median: are lengths in mm or cm?")
+    assert steep == "mu 35 is that of no stone: if it is the angle of friction in degrees, mu is 0.7002"
+
+
+def prism(name: str, section: list[tuple[float, float]], support: bool = False) -> Block:
+    """Of 1 m along y, above a convex section in x and z, counter-clockwise as seen from -y."""
+    n = len(section)
+    points = [(x, y, z) for y in (0.0, 1.0) for x, z in section]
+    sides = [(k, (k + 1) % n, n + (k + 1) % n, n + k) for k in range(n)]
+    return Block(closed_surface(name, points, [tuple(reversed(range(n))), tuple(range(n, 2 * n)), *sides]), density=2000.0, support=support)
+
+
+@pytest.mark.parametrize("slope", [0.0, -0.5])
+def test_what_edges_bear_across_a_joint_is_told_from_what_joints_do(slope: float) -> None:
+    """Stones meet along an edge: a below b, and their mirror images c below d, on bed joints that fall towards that edge from both sides.
+    Across it b then touches c, and d a; without a slope nobody does."""
+    h = 1.0 + slope
+    below = [(-1.0, 0.0), (0.0, 0.0), (0.0, h), (-1.0, 1.0)]
+    above = [(-1.0, 1.0), (0.0, h), (0.0, 3.0), (-1.0, 3.0)]
+    mirrored = [[(-x, z) for x, z in reversed(section)] for section in (below, above)]
+    floor = prism("floor", [(-3.0, -1.0), (3.0, -1.0), (3.0, 0.0), (-3.0, 0.0)], support=True)
+    stones = [prism(name, section) for name, section in zip("abcd", (below, above, *mirrored), strict=True)]
+    problem = MasonryProblem("four stones", 3, (floor, *stones), mu=0.6, loads=(Acceleration((0.0, 0.0, -9.81)),))
+    found = analyse(pushed(problem, (1.0, 0.0, 0.0)))
+    bodies = np.sort(found.limit.contacts.bodies, axis=1)
+    across = (bodies.sum(axis=1) == 5) & (bodies[:, 0] > 0)  # a with d, b with c
+    said = [words for words in remarks(found, None) if "along an edge or at a corner alone" in words]
+    if slope == 0:
+        assert not across.any() and not said
+        return
+    joints = np.flatnonzero(~across)
+    alone = replace(
+        found.limit, contacts=found.limit.contacts.take(joints), H=found.limit.H[:, (joints[:, None] * 3 + np.arange(3)).ravel()]
+    )
+    multiplier = associative_limit(alone).multiplier
+    assert across.any() and multiplier < 0.9 * found.associative.multiplier
+    assert said == [
+        "'a' and 'd' and 1 other pair of blocks meet along an edge or at a corner alone, and limit analysis counts what they bear there: "
+        f"with joints alone the associative multiplier is {multiplier:.6g}"
+    ]
+
+
 def test_what_falls_under_the_loads_that_stay_is_not_said_to_stand_at_none() -> None:
     """A stone between two upright walls that do not press it: each trial falls, that without a multiplier too."""
     corners = [(0, 0), (1, 0), (1, 1), (0, 1)]

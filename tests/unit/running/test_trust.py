@@ -139,6 +139,20 @@ def test_resume_knows_what_has_changed(case_folder: Path, run: Path, change: Cal
     assert any(said in note for note in read_description(run).notes)
 
 
+def test_a_run_whose_checkpoint_is_lost_is_not_emptied_by_going_on(case_folder: Path, run: Path) -> None:
+    """What is finished stays (its steps were computed again into its place); what stopped before a checkpoint says that it begins anew."""
+    (run / "checkpoint.h5").unlink()
+    before, script = content(run), load_case(case_folder)
+    with pytest.raises(
+        InputError, match=r"checkpoint\.h5: expected the checkpoint of the 4 steps that the run has, found none; --overwrite"
+    ):
+        run_case(script, {"steps": "6"}, run, PLAIN, resume=True)
+    assert content(run) == before
+    edit(run, status="failed")
+    summary = run_case(script, {"steps": "6"}, run, PLAIN, resume=True)
+    assert summary.computed == 6 and "no checkpoint was there to go on from: the run has begun anew" in summary.notes
+
+
 def test_meshes_and_tables_are_noted(case_folder: Path, tmp_path: Path) -> None:
     """What a case reads by fcsim's readers, an acceleration record here, is compared when a run goes on."""
     record = tmp_path / "record.csv"

@@ -12,7 +12,7 @@ from fcsim.assembly.supports import DrivenRotation, Support
 from fcsim.contact_detection import Everything
 from fcsim.mesh.blocks import brick, rectangle, rigid_box, rigid_rectangle
 from fcsim.mesh.material import Material
-from fcsim.mesh.part import Body, Part
+from fcsim.mesh.part import Body, Part, RigidBody
 from fcsim.mesh.solids.rigid_polygon import rigid_polygon
 from fcsim.timestep.remarks.pieces import hanging_nodes
 from fcsim.timestep.simulation import Simulation
@@ -31,6 +31,22 @@ def plane(gap: float, x: float = 0.0, unit: float = 1.0, steps: int = 100, h: fl
     start = at_rest(model, h=h)
     start = State(0.0, start.x, np.full(model.n_dofs, v)) if v else start
     return Simulation(model, Everything(model, 0.5), Theta(h), steps)._opening(start)
+
+
+@pytest.mark.parametrize("angle", [0.3, 0.785, 2.5])
+@pytest.mark.parametrize(("x", "lost"), [(0.0, False), (1.9, False), (7.0, True)])
+def test_what_falls_beside_the_floor_is_told_in_a_scene_that_is_turned(angle: float, x: float, lost: bool) -> None:
+    """A block of 1 m above a floor of 4 m, or beside it, all turned by an angle, gravity with them."""
+    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+
+    def box(name: str, size: tuple[float, float], centre: tuple[float, float]) -> RigidBody:
+        corners = np.array(centre) + np.array([(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)]) * size
+        return rigid_polygon(name, corners @ turn.T, mass=1.0)
+
+    bodies, gravity = [box("floor", (4.0, 1.0), (0.0, -0.5)), box("block", (1.0, 1.0), (x, 0.5))], turn @ (0.0, -9.81)
+    model = build_model(bodies, supports=[Support("floor", ("x", "y", "rz"))], gravity=lambda t: gravity)
+    said = Simulation(model, Everything(model, 0.5), Theta(1e-3), 100)._opening(at_rest(model, h=1e-3))
+    assert any("nothing lies under body 'block': it falls out of the scene" in words for words in said) == lost
 
 
 @pytest.mark.parametrize("unit", [1e-3, 1.0, 1e3])
