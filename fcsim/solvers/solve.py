@@ -21,7 +21,7 @@ from fcsim.runtime import limited_threads
 from fcsim.solvers.base import ERRORS, Iterate, Method, Monitor, Options, Result, Run, Status, checked_limits, choice, override
 from fcsim.solvers.memory import Memory
 from fcsim.solvers.plugins import kept_apart
-from fcsim.solvers.small.door import CONTACTS, LEAST_LIMIT, small
+from fcsim.solvers.small.door import CONTACTS, LEAST_LIMIT, Left, small
 from fcsim.solvers.solve_rolling import solve_rolling
 from fcsim.solvers.table import method
 
@@ -58,13 +58,14 @@ def solve(
     chosen = method(solver)
     choice("error", error, ERRORS)
     checked_limits(tol, floor, time_limit)
+    left = None
     if memory is None and time_limit >= LEAST_LIMIT:
         answered = small(problem, chosen, bool(overrides), solver, r, tol, error, floor)
-        if answered is not None:
+        if isinstance(answered, Result):
             return answered
-    return solve_by(
-        chosen, problem, solver, r, tol=tol, error=error, floor=floor, time_limit=time_limit, memory=memory, overrides=overrides
-    )
+        left = answered
+    given = (chosen, problem, solver, r)
+    return solve_by(*given, tol=tol, error=error, floor=floor, time_limit=time_limit, memory=memory, overrides=overrides, left=left)
 
 
 @limited_threads()
@@ -80,8 +81,10 @@ def solve_by(
     time_limit: float = float("inf"),
     memory: Memory | None = None,
     overrides: Mapping[str, object] | None = None,
+    left: Left | None = None,
 ) -> Result:
-    """`solve` by a method that need not be in the table, under the name `solver`; its arguments are not checked again."""
+    """`solve` by a method that need not be in the table, under the name `solver`; its arguments are not checked again. left: what the small
+    front door has found already."""
     if isinstance(problem, GlobalRollingProblem):
         return solve_rolling(problem, solver, r, tol=tol, error=error, floor=floor, time_limit=time_limit, **(overrides or {}))
     options = override(chosen.options, overrides or {})
@@ -102,6 +105,8 @@ def solve_by(
     prepared = time.perf_counter()
     with np.errstate(over="ignore", invalid="ignore"):  # a diverging method meets infinity: its status says so
         plain = memory is None and not overrides and time_limit >= LEAST_LIMIT
+        if left is not None:
+            left.noted(monitor, answers.velocity(left.r))
         iterate = _by_the_door(chosen, given, r, monitor, answers, error) if plain else None
         iterate = iterate or _run(run, kept_apart(form, run, solver), given.q, r, monitor, options)
         return _judged(iterate, given, answers.of(iterate.r), monitor, error, solver, (start, prepared))
@@ -109,7 +114,7 @@ def solve_by(
 
 def _by_the_door(chosen: Method, given: Reduced, r: FloatArray, monitor: Monitor, answers: _Answers, error: str) -> Iterate | None:
     """What the small front door makes of the local form of a global or mixed problem of few contacts: None where it is not open or its
-    answer is none by the problem's own equations. The monitor has its iterations and history."""
+    answer is none by the problem's own equations. The monitor has its iterations and history, be it without an answer."""
     if (
         not isinstance(given, Reduction | Elimination)
         or not 0 < len(given.mu) <= CONTACTS
@@ -117,7 +122,9 @@ def _by_the_door(chosen: Method, given: Reduced, r: FloatArray, monitor: Monitor
     ):
         return None
     found = small(given.local, chosen, False, "", r, monitor.tol, error, monitor.floor)
-    if found is None or (found.status.solved and not monitor.error(found.r, answers.velocity(found.r)) <= monitor.tol):
+    if isinstance(found, Left):
+        found.noted(monitor, answers.velocity(found.r))
+    if not isinstance(found, Result) or (found.status.solved and not monitor.error(found.r, answers.velocity(found.r)) <= monitor.tol):
         return None
     monitor.iterations, monitor.history = found.iterations, found.history
     return Iterate(found.r, found.status, "" if found.certificate is None else found.message, found.certificate)

@@ -8,7 +8,7 @@ compliance of their own) is left to the general way.
 from __future__ import annotations
 
 import time
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TypeGuard
 
 import numpy as np
@@ -19,7 +19,7 @@ from fcsim.problem.cone import LEAST_SIZE
 from fcsim.problem.infeasible import certificate
 from fcsim.problem.judge import BLURRED, OUTWEIGHED, ROUND_OFF, blurred, outweighed, relative
 from fcsim.solvers.automatic.stages import automatic
-from fcsim.solvers.base import Method, Result, Status
+from fcsim.solvers.base import Method, Monitor, Result, Status
 from fcsim.solvers.gauss_seidel.sweeps import FULL_AT_LEAST_EVERY, GaussSeidelOptions, nsgs
 from fcsim.solvers.small import _automatic_kernels, _gauss_seidel_kernels
 
@@ -41,10 +41,23 @@ SETTLED = (_gauss_seidel_kernels.NOT_HERE, _gauss_seidel_kernels.SOLVED)
 """Ends after which no proof is tried that there is no solution."""
 
 
+@dataclass(frozen=True, eq=False)
+class Left:
+    """The best iterate r (m,) of a call that found no answer, from which `auto` goes on in the general way, and its iterations."""
+
+    r: FloatArray
+    iterations: int
+
+    def noted(self, monitor: Monitor, u: FloatArray) -> None:
+        """Have it count as an iterate of the general way; u (m,): its velocities."""
+        monitor.iterations += self.iterations
+        monitor.record(self.r, u)
+
+
 def small(
     problem: object, chosen: Method, overridden: bool, solver: str, r: FloatArray | None, tol: float, error: str, floor: float
-) -> Result | None:
-    """The answer by one compiled call, None where the general way is to be gone.
+) -> Result | Left | None:
+    """The answer by one compiled call, else what `auto` leaves to the general way; None where that is to be gone from the beginning.
 
     overridden: whether options differ from the table's; the other arguments are those of `solve`, checked.
     """
@@ -76,7 +89,9 @@ def small(
     else:
         out = _gauss_seidel_kernels.solve_by_sweeps(*arguments, OPTIONS.max_iterations, *solving, FULL_AT_LEAST_EVERY, rows)
     ended, sweeps, noted, answer, u, scale, scaled, plain, found = out
-    if ended == _gauss_seidel_kernels.NOT_HERE or (automatically and ended != _gauss_seidel_kernels.SOLVED and certified is None):
+    if automatically and ended != _gauss_seidel_kernels.SOLVED and certified is None:
+        return Left(answer, sweeps) if answer.any() and np.isfinite(answer).all() else None
+    if ended == _gauss_seidel_kernels.NOT_HERE:
         return None
     errors = relative(scaled, scale), relative(plain, scale)
     deciding, status = errors[error == "published"], STATUSES[ended] if certified is None else Status.INFEASIBLE

@@ -29,7 +29,8 @@ def problem(seed: int, d: int = 3, nc: int = 7, rank: float = 1.5, unit: float =
 def by_the_door(
     p: LocalProblem, name: str = "NSGS-AC", r: np.ndarray | None = None, tol: float = 1e-8, error: str = "scaled"
 ) -> Result | None:
-    return small(p, method(name), False, name, r, tol, error, 0.0)
+    found = small(p, method(name), False, name, r, tol, error, 0.0)
+    return found if isinstance(found, Result) else None
 
 
 def generally(p: LocalProblem, name: str = "NSGS-AC", r: np.ndarray | None = None, **keywords: Any) -> Result:

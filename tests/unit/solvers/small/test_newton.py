@@ -8,9 +8,10 @@ from numpy.testing import assert_allclose
 
 from fcsim.bench.families import FAMILIES, problems
 from fcsim.linear.block_factors._dense_kernels import affine, solve_dense
-from fcsim.problem import LocalProblem, error, scaled_error
+from fcsim.problem import LocalProblem, scaled_error
+from fcsim.problem import error as published_error
 from fcsim.problem.reduction import reduced
-from fcsim.solvers import Memory, Status, method, solve
+from fcsim.solvers import Memory, Result, Status, method, solve
 from fcsim.solvers.newton.formulations import alart_curnier
 from fcsim.solvers.newton.systems.direct import DenseSystem
 from fcsim.solvers.small import door
@@ -78,7 +79,7 @@ def test_proximal_newton_is_that_of_the_table(family: str, published: bool) -> N
         if not expected.solved:  # one of rocks': both wander about
             continue
         assert found <= 1e-8
-        assert (error if published else scaled_error)(p, r) == pytest.approx(found, rel=1e-2, abs=1e-12)
+        assert (published_error if published else scaled_error)(p, r) == pytest.approx(found, rel=1e-2, abs=1e-12)
         alike += iterations == expected.iterations
         if iterations == expected.iterations:
             assert found == pytest.approx(expected.error, rel=0.05, abs=1e-11)
@@ -109,7 +110,7 @@ def test_what_newton_does_not_solve_is_left_to_the_race(monkeypatch: pytest.Monk
     """Bodies squeezed between walls: no reactions keep them apart, which the race proves where the door does not."""
     p = local("squeezed", 12, 0)
     monkeypatch.setattr(door, "certificate", lambda problem: None)
-    assert door.small(p, method("auto"), False, "auto", None, 1e-8, "scaled", 0.0) is None
+    assert isinstance(door.small(p, method("auto"), False, "auto", None, 1e-8, "scaled", 0.0), door.Left)
     assert solve(p, "auto").status is Status.INFEASIBLE
 
 
@@ -144,11 +145,24 @@ def test_where_the_bodies_have_few_velocities_newton_is_left_to_the_race() -> No
     easy, hard = local("boxes", 160, 0), local("towers", 80, 0)
     bodies = reduced(problems("towers", 80, 0)).local
     assert bodies.motion is not None and bodies.motion.M.shape[0] == 120 and hard.nc <= door.CONTACTS
-    assert door.small(bodies, method("auto"), False, "auto", None, 1e-8, "scaled", 0.0) is None
+    assert isinstance(door.small(bodies, method("auto"), False, "auto", None, 1e-8, "scaled", 0.0), door.Left)
     assert solve(bodies, "auto").solved
     for p in easy, hard:
         found = door.small(p, method("auto"), False, "auto", None, 1e-8, "scaled", 0.0)
-        assert found is not None and found.solved
+        assert isinstance(found, Result) and found.solved
+
+
+@pytest.mark.parametrize("form", ["local", "global"])
+@pytest.mark.parametrize("error", ["scaled", "published"])
+def test_the_race_goes_on_from_what_the_door_has_found(form: str, error: str) -> None:
+    given = problems("towers", 80, 0)
+    bodies = reduced(given).local
+    left = door.small(bodies, method("auto"), False, "auto", None, 1e-8, error, 0.0)
+    result = solve(given if form == "global" else bodies, "auto", error=error)
+    assert isinstance(left, door.Left) and left.iterations > 0 and result.solved and result.iterations > left.iterations
+    measure = scaled_error if error == "scaled" else published_error
+    iterations, _, found = result.history[0]
+    assert iterations == left.iterations and found == pytest.approx(measure(bodies, left.r)) and found < measure(bodies, 0 * left.r)
 
 
 def test_sweeps_and_newton_begin_from_a_given_start() -> None:
