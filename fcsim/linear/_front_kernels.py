@@ -252,7 +252,9 @@ def dot(a, b):
 @njit(cache=True, nogil=True)
 def backward(values, sizes, borders, x):
     """Overwrite x with L^-T x, L as in `forward`."""
-    first, at, edge = sizes[:, 0].sum(), (sizes[:, 0] * (sizes[:, 0] + sizes[:, 1])).sum(), len(borders)
+    first, at, edge = np.int64(0), np.int64(0), len(borders)
+    for f in range(len(sizes)):
+        first, at = first + sizes[f, 0], at + sizes[f, 0] * (sizes[f, 0] + sizes[f, 1])
     gathered = np.empty(sizes[:, 1].max() if len(sizes) else 0, dtype=x.dtype)
     for f in range(len(sizes) - 1, -1, -1):
         n, b = sizes[f]

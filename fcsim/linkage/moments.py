@@ -20,6 +20,7 @@ import scipy.sparse as sp
 
 from fcsim.arrays import FloatArray, IntArray
 from fcsim.assembly.model import Model
+from fcsim.linear.late.late_rows import with_short_indices
 
 ROUND = 1e-14
 """Of the model's size: moments of a unit force below are those of round-off."""
@@ -92,7 +93,7 @@ def without_moments(model: Model, G: sp.csr_array, x: FloatArray, couples: Coupl
     if not sum(map(len, rows)):
         return G
     more = sp.csr_array((np.concatenate(values), (np.concatenate(dofs), np.concatenate(rows))), shape=G.shape)
-    return sp.csr_array(G + more)
+    return with_short_indices(sp.csr_array(G + more))
 
 
 def _turned(arm: FloatArray) -> FloatArray:

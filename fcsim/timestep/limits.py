@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from fcsim.arrays import is_number
+from fcsim.arrays import FloatArray, is_number
 from fcsim.assembly.kinematics.deformation import Deformation
 from fcsim.assembly.model import Model
 from fcsim.brief import shown
@@ -51,30 +52,29 @@ def remarks(model: Model, found: Deformation, when: str, said: frozenset[str]) -
     bodies, degrees, texts = model.deformable, np.where(found.turning, 0.0, np.degrees(found.rotation)), {}
     strain, bent = np.where(found.finite, 0.0, found.strain), np.degrees(found.bent)
     if "bending" not in said and not degrees.max(initial=0.0) > NAMED_ROTATION and bent.max(initial=0.0) > NAMED_ROTATION:
-        worst, count = int(bent.argmax()), int(np.count_nonzero(bent > NAMED_ROTATION))
+        worst, name = _named(bodies, bent, NAMED_ROTATION)
         texts["bending"] = (
-            f"{when}: body {bodies[worst].name!r}{_others(count)} is bent: a part of it has turned by {bent[worst]:.3g} degrees from "
+            f"{when}: {name} is bent: a part of it has turned by {bent[worst]:.3g} degrees from "
             f"{_base(found, worst)}, more than the {NAMED_ROTATION:g} that small rotations cover; {_bends(bodies[worst])} has no such error"
         )
     if "left out" not in said and found.left_out.max(initial=0.0) > NAMED_LEFT_OUT:
-        worst, count = int(found.left_out.argmax()), int(np.count_nonzero(found.left_out > NAMED_LEFT_OUT))
+        worst, name = _named(bodies, found.left_out, NAMED_LEFT_OUT)
         texts["left out"] = (
-            f"{when}: body {bodies[worst].name!r}{_others(count)} is bent so far that it would be stretched, too: of that its kinematics "
+            f"{when}: {name} is bent so far that it would be stretched, too: of that its kinematics "
             f"knows nothing, {100 * found.left_out[worst]:.3g} % of its energy, and forces are wrong by about twice as much; "
             f"{_bends(bodies[worst])} has no such error"
         )
     if "rotation" not in said and degrees.max(initial=0.0) > NAMED_ROTATION:
-        worst, count = int(degrees.argmax()), int(np.count_nonzero(degrees > NAMED_ROTATION))
+        worst, name = _named(bodies, degrees, NAMED_ROTATION)
         texts["rotation"] = (
-            f"{when}: body {bodies[worst].name!r}{_others(count)} of linear kinematics has turned by {degrees[worst]:.3g} degrees, "
+            f"{when}: {name} of linear kinematics has turned by {degrees[worst]:.3g} degrees, "
             f"more than the {NAMED_ROTATION:g} that small rotations cover: forces are wrong by about {_sine(degrees[worst]):.2g} of "
             f"themselves, and the rotation strains it; {_covers(found, worst, bodies[worst])} has no such error"
         )
     if "strain" not in said and strain.max(initial=0.0) > NAMED_STRAIN:
-        worst, count = int(strain.argmax()), int(np.count_nonzero(strain > NAMED_STRAIN))
+        worst, name = _named(bodies, strain, NAMED_STRAIN)
         texts["strain"] = (
-            f"{when}: body {bodies[worst].name!r}{_others(count)} is strained by {100 * strain[worst]:.3g} %, more than the "
-            f"{100 * NAMED_STRAIN:g} % that small strains cover"
+            f"{when}: {name} is strained by {100 * strain[worst]:.3g} %, more than the {100 * NAMED_STRAIN:g} % that small strains cover"
         )
     if "inversion" not in said and found.inverted.any():
         texts["inversion"] = f"{when}: body {bodies[int(found.inverted.argmax())].name!r} has an inverted cell"
@@ -121,8 +121,10 @@ def refuse_beyond(limits: Limits, model: Model, found: Deformation, when: str) -
         )
 
 
-def _others(count: int) -> str:
-    return f" (and {count - 1} more)" if count > 1 else ""
+def _named(bodies: Sequence[Body], values: FloatArray, limit: float) -> tuple[int, str]:
+    """The body of the largest of the values (n_deformable,), and what it is called where others are above the limit, too."""
+    worst, others = int(values.argmax()), int(np.count_nonzero(values > limit)) - 1
+    return worst, f"body {bodies[worst].name!r}" + (f" (and {others} more)" if others > 0 else "")
 
 
 def _base(found: Deformation, body: int) -> str:

@@ -91,10 +91,10 @@ def test_the_wall_begins_at_rest() -> None:
 
 def test_weak_shaking_moves_the_wall_as_a_whole() -> None:
     """Below 0.53 g nothing slides: the force on the base is mass times acceleration, to the elastic waves of the blocks."""
-    case, steps, sensors, t = shaken(200, h=2e-3, scale=0.3)
+    case, steps, sensors, t = shaken(100, h=4e-3, scale=0.3)
     record = read_acceleration_record(CASE / "ricker.csv").scaled(0.3)
     # the step's mean force is mass times mean acceleration
-    expected = -MASS * np.array([(record.velocity(s) - record.velocity(s - 2e-3)) / 2e-3 for s in t])
+    expected = -MASS * np.array([(record.velocity(s) - record.velocity(s - 4e-3)) / 4e-3 for s in t])
     assert_allclose(sensors["base_shear"], expected, atol=0.02 * np.abs(expected).max())
     assert np.abs(sensors["top_u"] - sensors["base_u"]).max() < 1e-4
     assert max(np.abs(sensors[name]).max() for name in ("bottom_joint", "top_joint")) < 2e-5

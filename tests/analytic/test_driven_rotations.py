@@ -40,7 +40,7 @@ def test_a_body_spun_about_an_odd_axis(scheme: Any) -> None:
     box = rigid_box("b", (0.1, 0.3, 0.5), (0.2, 0.1, 0.0), m)
     turn = DrivenRotation("b", lambda t: 3 * t + 0.5 * t**2, (0.0, 0.1, 0.0), tuple(AXIS))
     model = build_model([box], supports=[turn], gravity=lambda t: np.array([0, 0, -9.81]))
-    found = steps(model, scheme, 200)
+    found = steps(model, scheme, 100)
     last = found[-1]
 
     def rotation(t: float) -> np.ndarray:

@@ -16,9 +16,11 @@ _LEVEL = 1e-6  # of a facet: a corner less high above another's plane lies in it
 @njit(cache=True)
 def _above(f: int, g: int, point: FloatArray, normal: FloatArray, centre: FloatArray, size: FloatArray, facets: IntArray, k: int) -> bool:
     """Whether one of the k corners of g lies above the plane of f, or all of them in it while the two oppose each other."""
-    highest, lowest = -np.inf, np.inf
+    highest, lowest, arm = -np.inf, np.inf, np.empty(3)
     for c in range(k):
-        height = dot(point[facets[g, c]] - centre[f], normal[f])
+        for i in range(3):
+            arm[i] = point[facets[g, c], i] - centre[f, i]
+        height = dot(arm, normal[f])
         highest, lowest = max(highest, height), min(lowest, height)
     level = _LEVEL * (size[f] + size[g])
     return highest > level or (lowest > -level and -dot(normal[f], normal[g]) > -_SEES)
@@ -55,13 +57,15 @@ def across_void(
 ) -> BoolArray:
     """Rows (n,) of a vertex and a facet that its surroundings face (normal (nf, 3), mean (nv, 3) as they stand) and that were farther apart
     than reach (n,) [m] in the reference configuration (point (nv, 3), normals before (nf, 3)), or lay before each other there."""
-    result = np.zeros(len(vertex), dtype=np.bool_)
+    result, way = np.zeros(len(vertex), dtype=np.bool_), np.empty(3)
     for row in range(len(vertex)):
         v, f = vertex[row], facet[row]
         facing = -dot(mean[v], normal[f]) > FACING
-        way = -point[v]
+        for i in range(3):
+            way[i] = -point[v, i]
         for k in range(4):
-            way = way + weights[row, k] * point[facets[f, k]]
+            for i in range(3):
+                way[i] += weights[row, k] * point[facets[f, k], i]
         apart = dot(way, way) > reach[row] ** 2
         before_it = -dot(way, before[f]) > -near[row]
         for s in range(first_star[v], first_star[v + 1]):

@@ -105,7 +105,8 @@ def inside_polygon(places: FloatArray, body: IntArray, first_facet: IntArray, po
     for row in range(len(places)):
         angle = 0.0
         for f in range(first_facet[body[row]], first_facet[body[row] + 1]):
-            a, b = point[facets[f, 0]] - places[row], point[facets[f, 1]] - places[row]
-            angle += np.arctan2(a[0] * b[1] - a[1] * b[0], a[0] * b[0] + a[1] * b[1])
+            a0, a1 = point[facets[f, 0], 0] - places[row, 0], point[facets[f, 0], 1] - places[row, 1]
+            b0, b1 = point[facets[f, 1], 0] - places[row, 0], point[facets[f, 1], 1] - places[row, 1]
+            angle += np.arctan2(a0 * b1 - a1 * b0, a0 * b0 + a1 * b1)
         result[row] = abs(angle) > np.pi
     return result

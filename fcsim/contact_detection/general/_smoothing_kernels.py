@@ -30,7 +30,7 @@ def _corner(v: int, g: int, point: FloatArray, normals: FloatArray, facets: IntA
     return angle, sine / size
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def interpolated_normals(
     facet: IntArray,
     weights: FloatArray,
@@ -62,9 +62,14 @@ def interpolated_normals(
                 g = star[s]
                 if patch[g] == patch[f]:
                     angle, normal = _corner(v, g, point, normals, facets, sides)
-                    mean += angle * normal
-            mean /= np.sqrt(dot(mean, mean))
+                    for i in range(3):
+                        mean[i] += angle * normal[i]
+            length = np.sqrt(dot(mean, mean))
+            for i in range(3):
+                mean[i] /= length
+                total[i] += w * mean[i]
             changed[row] = changed[row] or dot(mean, normals[f]) < 1.0 - _LEVEL
-            total += w * mean
-        result[row] = total / np.sqrt(dot(total, total))
+        length = np.sqrt(dot(total, total))
+        for i in range(3):
+            result[row, i] = total[i] / length
     return changed, result

@@ -285,7 +285,7 @@ def follow_in_velocities(
     z, status, dz, own, solution = z.copy(), status.copy(), np.empty((nc, 3)), np.empty(k), np.inf
     found, K = law(z, mu, rho, status)
     changes = np.empty((room, k), dtype=unknowns.dtype), np.empty((room, k)), np.empty((room, n)), np.empty(room)
-    e, V, b, p0 = np.zeros(n + 1), np.zeros(n + 1), np.zeros(n + 1), np.zeros(n + 1)
+    e, V, b, p0, C = np.zeros(n + 1), np.zeros(n + 1), np.zeros(n + 1), np.zeros(n + 1), np.empty((3, 3))
     push_all(unknowns, h, found, p0)
     buffers, looking = (np.empty(n), np.empty(n), np.zeros(n + 1)), (np.zeros(n + 1), own, np.empty(k))
     _, first, starts, _, offsets, values, borders, pivots = fronts
@@ -295,11 +295,10 @@ def follow_in_velocities(
         look = since >= period
         if contact >= 0 and count >= 0:
             _, new = law(z[contact : contact + 1], mu[contact : contact + 1], rho[contact : contact + 1], status[contact : contact + 1])
-            C = new[0] - K[contact]
             for i in range(3):
                 for j in range(3):
+                    C[i, j] = new[0, i, j] - K[contact, i, j] if i < d and j < d else 0.0
                     K[contact, i, j] = new[0, i, j]
-            C[d:], C[:, d:] = 0.0, 0.0
             count, turned, pivot = change(C, NOTHING * rho[contact], unknowns, h, contact, w, fronts, changes, count, e, b, buffers)
             way *= turned
             if pivot < SMALL_PIVOT:
@@ -324,9 +323,11 @@ def follow_in_velocities(
         rates(faces, unknowns, h, normals, e, w, rho, way, status, own, dz)
         length, contact, to = end_of_piece(z, dz, mu, status, turn)
         if way > 0 and t + length >= 1:
-            V += (1 - t) * e
-            z += (1 - t) * dz
+            for i in range(n + 1):
+                V[i] += (1 - t) * e[i]
             for a in range(nc):
+                for i in range(3):
+                    z[a, i] += (1 - t) * dz[a, i]
                 if status[a] == 0:
                     carried(unknowns, h, a, V, 1.0, w, -rho[a], z)
             add_product(mass, V, 1.0, p0)
@@ -340,7 +341,8 @@ def follow_in_velocities(
         for a in range(nc):
             for i in range(3):
                 z[a, i] += length * dz[a, i]
-        V += (length * way) * e
+        for i in range(n + 1):
+            V[i] += (length * way) * e[i]
         if contact >= 0:
             if to == 0 or status[contact] == 0:
                 carried(unknowns, h, contact, V, t, w, rho[contact] if to == 0 else -rho[contact], z)

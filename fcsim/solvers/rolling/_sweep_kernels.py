@@ -26,20 +26,28 @@ def solve_contact(W: FloatArray, u: FloatArray, mu: float, mu_r: float, mu_s: fl
     rho is kept where rho ||F(r) - F(rbar)|| / ||r - rbar|| lies between 0.3 and 0.9 (Khobotov 1987), as in the methods for all contacts.
     """
     d = len(u)
-    F, F_next, z, p, u_next = np.empty(d), np.empty(d), np.empty(d), np.empty(d), np.empty(d)
+    F, F_next, z, p, u_next, step = np.empty(d), np.empty(d), np.empty(d), np.empty(d), np.empty(d), np.empty(d)
     modify(u, mu, mu_r, mu_s, F)
     for _ in range(iterations):
         for i in range(d):
             z[i] = r[i] - rho * F[i]
         project_contact(z, mu, mu_r, mu_s, p)
-        change = np.sqrt(np.sum((p - r) ** 2))
-        if change <= 1e-15 * np.sqrt(np.sum(r**2)):
+        change, size = 0.0, 0.0
+        for i in range(d):
+            step[i] = p[i] - r[i]
+            change += step[i] * step[i]
+            size += r[i] * r[i]
+        change = np.sqrt(change)
+        if change <= 1e-15 * np.sqrt(size):
             break
-        moved = W @ (p - r)
+        moved = W @ step
         for i in range(d):
             u_next[i] = u[i] + moved[i]
         modify(u_next, mu, mu_r, mu_s, F_next)
-        ratio = rho * np.sqrt(np.sum((F_next - F) ** 2)) / change
+        difference = 0.0
+        for i in range(d):
+            difference += (F_next[i] - F[i]) ** 2
+        ratio = rho * np.sqrt(difference) / change
         if ratio > 0.9:
             rho *= 2.0 / 3.0
             continue

@@ -45,5 +45,5 @@ def test_of_a_step(name: str) -> None:
     groups = {f"{what} of group {k}": getattr(group, what) for k, group in enumerate(model.groups) for what in ("K", "M", "axes_matrix")}
     given = sp.coo_array((np.ones(2), (np.array([0, 1]), np.array([0, 1]))), shape=(model.positions(step.state.x).size, 3))
     assert wide(given.tocsc())
-    gates = {"model.contact_matrix": model.contact_matrix(given, step.state.x)}
+    gates = {"model.contact_matrix": model.contact_matrix(given, step.state.x), "G of links": step.linked and step.linked.G}
     assert not [what for what, matrix in {**made, **groups, **gates}.items() if matrix is not None and wide(matrix)]

@@ -34,6 +34,13 @@ def test_a_step_that_grows_forgets_the_others() -> None:
     assert not np.array_equal(mixing.next(grown, grown + 1e-3), grown + 1e-3)
 
 
+def test_a_difference_that_is_no_number_leaves_the_points_after_it_as_they_are() -> None:
+    mixing, x = Mixing(3, 1e9), np.array([1.0, 2.0])
+    mixing.next(x, np.array([np.nan, 3.0]))
+    for g in (x + 0.5, x - 0.1):
+        assert np.array_equal(mixing.next(x, g), g)
+
+
 def test_a_fixed_point_stays() -> None:
     mixing, x = Mixing(3, 1.0), np.array([1.0, 2.0])
     for _ in range(3):

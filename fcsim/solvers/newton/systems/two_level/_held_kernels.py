@@ -65,7 +65,10 @@ def without_held(W, held, others, d, eased):
     L = np.linalg.cholesky(own)
     if len(held) and len(others):
         solve_below(L, Y)
-        S -= np.dot(Y.T, Y)
+        known = np.dot(Y.T, Y)
+        for i in range(len(S)):
+            for j in range(len(S)):
+                S[i, j] -= known[i, j]
     return L, Y, S
 
 
@@ -76,14 +79,19 @@ def solve_below(L, X):
     for begin in range(0, n, ROWS):
         end = min(begin + ROWS, n)
         if begin:
-            X[begin:end] -= np.dot(np.ascontiguousarray(L[begin:end, :begin]), X[:begin])
+            known = np.dot(np.ascontiguousarray(L[begin:end, :begin]), X[:begin])
+            for i in range(begin, end):
+                for c in range(X.shape[1]):
+                    X[i, c] -= known[i - begin, c]
         for i in range(begin, end):
             row = X[i]
             for j in range(begin, i):
                 x, other = L[i, j], X[j]
                 for c in range(len(row)):
                     row[c] -= x * other[c]
-            row /= L[i, i]
+            pivot = L[i, i]
+            for c in range(len(row)):
+                row[c] /= pivot
 
 
 @njit(cache=True, nogil=True)
@@ -121,7 +129,9 @@ def newton_step(F, A, B, held, others, L, Y, S):
                     J[i * d + p, i * d + q] += B[a, p, q]
                 rhs[i * d + p] = value
         solution = np.linalg.solve(J, rhs)
-        y -= np.dot(Y, solution)
+        known = np.dot(Y, solution)
+        for j in range(len(y)):
+            y[j] -= known[j]
         for i in range(m):
             for p in range(d):
                 step[others[i] * d + p] = solution[i * d + p]

@@ -138,8 +138,10 @@ def joint_blocks(indptr, indices, blocks, order, position, joints, modes, starts
         for a in own:
             place[a] = -1
         g = modes_of_joint(own, listed[body_begins[k] : body_begins[k + 1]], bodies, G, number)
-        rest = block.reshape(n * d, n * d) - np.dot(g, g.T)
-        put(rest.ravel(), E, starts[k])
+        rest, known = block.reshape(n * d, n * d), np.dot(g, g.T)
+        for i in range(n * d):
+            for j in range(n * d):
+                E[starts[k] + i * n * d + j] = rest[i, j] - known[i, j]
 
 
 @njit(cache=True, nogil=True)
