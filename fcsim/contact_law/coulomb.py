@@ -35,8 +35,9 @@ class Gap:
     second: 0 <= max(g/h, -recovery size) + u_N ⊥ r_N. So much deeper than h recovery size nothing lies in a sound run, and the law is
     that of LMGC90; where bodies begin within each other, or something was not seen in time, they come out slowly. With recovery = inf
     it is gone after one step, thrown out at the velocity |g|/h: energy from nothing. Gaps of up to 1e-7 sizes between rigid bodies are none
-    in dynamics, those of up to 1e-6 less than they are (see `counted`), but with recovery = inf. Quasi-statics have no time to go by:
-    there it is taken back in one step.
+    in dynamics, those of up to 1e-6 less than they are (see `counted`), but with recovery = inf. Of rigid bodies alone, gaps that open
+    since bodies that bear on each other turn together count in full, see `fcsim.timestep.reactions.drift`. Quasi-statics have no time
+    to go by: there it is taken back in one step.
     friction: see `fcsim.contact_law.friction`; None = the coefficients of the pairs. Contacts are points: the friction torque of a
     face about its normal depends on which points carry (0.77 to 1.85 of that of uniform pressure); docs/contact_laws.md has the rule by
     which it is right.
@@ -55,6 +56,8 @@ class Gap:
 
     def terms(self, meeting: Meeting) -> Terms:
         w = np.zeros((len(meeting), meeting.contacts.dimension))
+        if meeting.drift is not None:
+            w[:, 1:] = meeting.drift[:, 1:] / meeting.timing.length_per_u
         w[:, 0] = closing(meeting, self.recovery)
         mu, scale, frame = friction_terms(self.friction, meeting)
         return Terms(w, mu, scale=scale, frame=frame)
@@ -105,11 +108,13 @@ class Velocity:
 def closing(meeting: Meeting, recovery: float) -> FloatArray:
     """w_N (nc,) = max(g / length_per_u, -recovery size) + bend / length_per_u in the unit of u; not bounded in quasi-statics.
 
-    In dynamics gaps between rigid bodies are `counted`, but for recovery = inf.
+    In dynamics gaps between rigid bodies are `counted`, but for recovery = inf: drift and what else there is of them, so that no gap is
+    taken for smaller by more than `NO_GAP` sizes.
     """
     timing, gap = meeting.timing, meeting.contacts.gap
     if timing.moving and recovery != inf:
-        gap = np.where(meeting.between_rigid, counted(gap, meeting.size), gap)
+        drift = 0.0 if meeting.drift is None else meeting.drift[:, 0]
+        gap = np.where(meeting.between_rigid, drift + counted(gap - drift, meeting.size), gap)
     w = gap / timing.length_per_u
     deep = gap < 0
     if recovery != inf and timing.moving and deep.any():

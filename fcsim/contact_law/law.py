@@ -112,6 +112,8 @@ class Meeting:
     bend        (nc,) [m] by how much gaps change over the step beside length_per_u u_N, since bodies turn and feet move on; None = not at
                 all, see `fcsim.timestep.step_equation.look_ahead.ahead`
     trial       what an implicit law takes for the end of the step, see `Implicit`; None = it is asked for the first time
+    drift       (nc, d) [m] in the contacts' frames: how far bodies that bore on each other have gone apart since, as motions of the bodies
+                take it back, see `fcsim.timestep.reactions.drift`; None = not at all, or the law has no use for it
     """
 
     contacts: Contacts
@@ -123,6 +125,7 @@ class Meeting:
     proportions: Proportions
     bend: FloatArray | None = None
     trial: Variables | None = None
+    drift: FloatArray | None = None
 
     __repr__ = brief
 
@@ -177,6 +180,7 @@ class Meeting:
             self.proportions,
             None if self.bend is None else self.bend[chosen],
             self.trial,
+            None if self.drift is None else self.drift[chosen],
         )
 
 

@@ -27,6 +27,7 @@ from fcsim.contact_law.rolling_rows import ROWS, SPINNING_ROWS, moment_matrix, w
 from fcsim.linear.sparse.by_ranks import times_by_ranks, transposed_times_by_ranks
 from fcsim.linear.sparse.columns import times, transposed_times
 from fcsim.linkage import Linkage
+from fcsim.timestep.reactions.drift import Drift
 from fcsim.timestep.scheme import Scheme
 from fcsim.timestep.state import State
 
@@ -50,6 +51,7 @@ class Encounter:
     ending    (n, 2) pairs of bodies that a load step of statics carries over each other, held where they end it, `look_ahead.load_steps`
     linkage   the links that it knows of, None where there are none
     released  (n, 2) pairs of bodies of which contacts of the beginning were taken out, since they bore what had gone apart
+    drift     of what bore in the last step, None where it is not asked for
     """
 
     contacts: Contacts
@@ -63,6 +65,7 @@ class Encounter:
     linkage: Linkage | None = None
     ending: IntArray = field(default_factory=lambda: np.empty((0, 2), dtype=np.int64))
     released: IntArray = field(default_factory=lambda: np.empty((0, 2), dtype=np.int64))
+    drift: Drift | None = None
 
     __repr__ = brief
 
@@ -214,13 +217,14 @@ class Anew:
 
 @dataclass(frozen=True, eq=False)
 class Told:
-    """What a law is told beside the contacts of a step and where they are: the fields of `Meeting` of the same names, and its links."""
+    """What a law is told beside the contacts of a step and where they are: fields of `Meeting` of the same names; links; what drifts."""
 
     proportions: Proportions
     variables: Variables | None
     bend: FloatArray | None = None
     trial: Variables | None = None
     linkage: Linkage | None = None
+    drift: Drift | None = None
 
 
 def encounter(model: Model, detection: Detection, scheme: Scheme, state: State, told: Told) -> Encounter:
@@ -284,7 +288,8 @@ def _under_law(
         at_one_point(model, H, contacts)
     shape = (len(contacts), contacts.dimension)
     before = transposed_times_by_ranks(H, scheme.velocity_before(model, state)).reshape(shape) if moving else np.zeros(shape)
-    meeting = Meeting(contacts, positions, before, state.t, scheme.timing, variables, proportions, bend, told.trial)
+    drift = None if told.drift is None else told.drift.at(model, scheme, state, contacts, H, proportions)
+    meeting = Meeting(contacts, positions, before, state.t, scheme.timing, variables, proportions, bend, told.trial, drift)
     terms, driven = law.terms(meeting), None
     refuse_endless(terms.mu)
     apart = moved_by_supports(model, H, contacts.dimension, proportions)
@@ -300,7 +305,8 @@ def _under_law(
         contacts = meeting.contacts
     if terms.mu is not contacts.mu:
         contacts = replace(contacts, mu=terms.mu)
-    return Encounter(contacts, H, meeting, terms, through, moment_matrix(model, contacts, terms), left, driven, told.linkage)
+    moments = moment_matrix(model, contacts, terms)
+    return Encounter(contacts, H, meeting, terms, through, moments, left, driven, told.linkage, drift=told.drift)
 
 
 def asked_again(
@@ -308,7 +314,7 @@ def asked_again(
 ) -> Encounter:
     """Ask the law about other contacts of the same step, at the positions and with the memory of `met`; bend (nc,) [m]: see `Meeting`."""
     before = met.meeting
-    told = Told(before.proportions, before.variables, bend, before.trial, met.linkage)
+    told = Told(before.proportions, before.variables, bend, before.trial, met.linkage, met.drift)
     return _under_law(model, scheme, state, contacts, before.positions, told, scheme.detection_configuration(model, state))
 
 

@@ -27,6 +27,7 @@ from fcsim.timestep.encounter import Anew, Encounter, Told, encounter, met_on_th
 from fcsim.timestep.energy import Energy
 from fcsim.timestep.links.linked import linked
 from fcsim.timestep.links.mechanisms import unstable
+from fcsim.timestep.reactions.drift import drift_of
 from fcsim.timestep.reactions.warm_start import MEMORY
 from fcsim.timestep.scheme import Scheme
 from fcsim.timestep.state import State, updated
@@ -205,8 +206,10 @@ class Substep:
 
     def _met(self, start: Moment) -> Encounter | None:
         """The contacts of the step; None where bodies would pass each other in it."""
-        run = self.run
-        met = encounter(run.model, run.detection, self.scheme, start.state, Told(run.proportions, start.variables, linkage=run.linkage))
+        run, last = self.run, start.memory[0] if start.memory else None
+        drift = drift_of(self.scheme, run.model, last) if run.linkage is None else None
+        told = Told(run.proportions, start.variables, linkage=run.linkage, drift=drift)
+        met = encounter(run.model, run.detection, self.scheme, start.state, told)
         self.clock.lap("detection")
         if met.passing is not None and self.cuts == run.cuttings:
             refuse_going_through(run.model, self.scheme, met.passing, self._when(start, start.state.t))

@@ -105,7 +105,8 @@ def sensitivities(
         found, solution = {}, _Solution(step, margin)
         for name, pair in pairs.items():
             found[name], ends = _of_step(step, solution, pair, name, relative)
-            pairs[name] = replace(pair[0], start=ends[0]), replace(pair[1], start=ends[1])
+            below, above = (replace(side, start=end, before=step.reactions) for side, end in zip(pair, ends, strict=True))
+            pairs[name] = below, above
         yield step, found
 
 

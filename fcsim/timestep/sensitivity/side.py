@@ -13,6 +13,8 @@ from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.errors import InputError
 from fcsim.problem import GlobalProblem
 from fcsim.timestep.encounter import Encounter, Told, encounter
+from fcsim.timestep.reactions.drift import drift_of
+from fcsim.timestep.reactions.reactions import Reactions
 from fcsim.timestep.simulation import Simulation
 from fcsim.timestep.state import State, at_rest
 from fcsim.timestep.step import Step
@@ -47,11 +49,12 @@ class Assembled:
 
 @dataclass(frozen=True, eq=False)
 class Side:
-    """The simulation at p + distance, and the state there at the beginning of the step."""
+    """The simulation at p + distance, the state there at the beginning of the step, and the reactions of the step before."""
 
     simulation: Simulation
     distance: float
     start: State
+    before: Reactions | None = None
 
     @classmethod
     def of(cls, build: Callable[..., Simulation], values: Mapping[str, float], name: str, distance: float) -> Side:
@@ -75,7 +78,8 @@ class Side:
     def _met(self) -> Encounter:
         """The contacts of the step, which its unknowns do not change."""
         s = self.simulation
-        return encounter(s.model, s.substeps.detection, s.scheme, self.start, Told(s.substeps.proportions, None))
+        told = Told(s.substeps.proportions, None, drift=drift_of(s.scheme, s.model, self.before))
+        return encounter(s.model, s.substeps.detection, s.scheme, self.start, told)
 
     @cached_property
     def _equation(self) -> Equation:

@@ -1,0 +1,61 @@
+"""What turns together and goes apart by s (omega h)^2 / 2 a step is taken back together, `fcsim.timestep.reactions.drift`."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+
+from fcsim import Everything, Gap, Simulation, SolverSettings, Support, Theta, build_model
+from fcsim.assembly.layout import DIRECTIONS
+from fcsim.mesh import rigid_box
+from fcsim.timestep import substep
+from fcsim.timestep.reactions.drift import LEAST, drift_of, least_motion
+from fcsim.timestep.step import Step
+
+H, SIZE, SIDE = 5e-3, 0.1, 0.2
+
+
+def toppling(steps: int, sideways: float, scale: float = 1.0) -> list[Step]:
+    """Four boxes on each other and a floor; a load sideways of so many g turns them about an edge as one; scale: of all lengths."""
+    box = (SIDE * scale, 0.25 * scale, SIZE * scale)
+    bodies = [rigid_box(f"box {k}", box, (0, 0, (0.05 + SIZE * k) * scale), 2000.0) for k in range(4)]
+    bodies.append(rigid_box("floor", (4.0 * scale, 4.0 * scale, 0.4 * scale), (0, 0, -0.2 * scale), 1.0))
+    load = 9.81 * scale * np.array([sideways, 0.0, -1.0])
+    model = build_model(bodies, supports=[Support("floor", DIRECTIONS[3])], gravity=lambda t: load)
+    return list(Simulation(model, Everything(model, 0.8), Theta(H, law=Gap()), steps, SolverSettings(), witness=None))
+
+
+def opened(step: Step) -> float:
+    """The largest gap, in sizes, of contacts that bear at the end."""
+    bears = step.result.r.reshape(-1, 3)[:, 0] > 0
+    return float(np.abs(step.contacts.gap[bears]).max() / step.encounter.meeting.size.min())
+
+
+@pytest.mark.parametrize("scale", [1.0, 1000.0])
+def test_joints_in_motion_are_open_by_no_more_than_one_step_leaves(scale: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    """H omega is the same in all units; a joint SIZE above the next one opens by SIZE (omega h)^2 / 2 in a step."""
+    last = toppling(12, 0.53, scale)[-1]
+    omega = float(np.linalg.norm(last.model.rigid_part(last.state.v)[1, 3:]))
+    left = 0.5 * (omega * H) ** 2
+    assert left > 10 * LEAST and opened(last) <= left
+    monkeypatch.setattr(substep, "drift_of", lambda *_: None)
+    assert opened(toppling(12, 0.53, scale)[-1]) > 3 * left
+
+
+def test_what_rests_has_none() -> None:
+    assert all(step.encounter.meeting.drift is None for step in toppling(4, 0.2))
+
+
+def test_what_a_motion_of_bodies_made_it_takes_back() -> None:
+    H, free = sp.csc_array(np.random.default_rng(0).normal(size=(12, 24))), np.arange(6)
+    moved = np.concatenate([np.arange(1.0, 7.0), np.zeros(6)])
+    found = least_motion(H, np.ones((8, 3)), (H.T @ moved).reshape(8, 3), free)
+    assert found is not None and np.allclose(found, -moved, atol=1e-9)
+
+
+def test_gaps_that_are_gone_at_once_and_first_steps_have_none() -> None:
+    step = toppling(1, 0.7)[0]
+    assert drift_of(step.scheme, step.model, None) is None and step.encounter.meeting.drift is None
+    assert drift_of(Theta(H, law=Gap(recovery=np.inf)), step.model, step.reactions) is None
+    assert drift_of(step.scheme, step.model, step.reactions) is not None
