@@ -20,13 +20,13 @@ from fcsim.contact_detection.surfaces.facets import FacetGeometry, Facets
 from fcsim.contact_detection.surfaces.projection import closest_on_boundary, project_on_facets
 from fcsim.contact_detection.surfaces.surface import OPPOSING, SurfacePair
 from fcsim.contact_detection.surfaces.verlet_list import VerletList
-from fcsim.ranks import World, alone, complete_rows, for_parts, held_in_common, in_common, kept_alike, world
+from fcsim.ranks import World, alone, complete_rows, for_parts, held_in_common, in_common, in_parts_of_common, kept_alike, world
 
 ROUND = 1e-9  # distances that differ by less, relative to the facet size, are equal
 _PARALLEL = 0.99
 
-SHARED_FROM = 30_000
-"""Possible pairs from which ranks share them out."""
+SHARED_FROM, MADE_FROM = 30_000, 20_000
+"""Possible pairs from which ranks share them out, and contacts."""
 UNEVEN = 1.2
 """How many possible pairs one rank may have, relative to the mean, before candidates are shared out anew."""
 
@@ -107,8 +107,7 @@ class NodeToSegment:
 
     def feet(self, now: Configuration, candidate: IntArray, facet: IntArray) -> Feet:
         """The feet of the contacts among the possible pairs, sorted by `number`."""
-        ranks = world()
-        shared = ranks is not None and len(candidate) >= SHARED_FROM
+        shared = (ranks := world()) is not None and len(candidate) >= SHARED_FROM
         nearest = self._of_ranks(ranks, now, candidate, facet) if shared and ranks is not None else self._nearest(now, candidate, facet)
         return self._once_per_place(now, self._truly(now, nearest))
 
@@ -313,18 +312,27 @@ class NodeToSegment:
         return feet.take(np.sort(order[~drop]))
 
     def _contacts(self, feet: Feet) -> Contacts:
-        candidate, master, number = feet.candidate, self.masters.nodes[feet.facet], self.number(feet)
+        candidate, number = feet.candidate, self.number(feet)
         first, pair = self._first * self._n_bodies, self.pair_of_candidate[candidate]
-        alone = bool(np.all(number[1:] > number[:-1]))
-        again = 0 if alone else np.arange(len(number)) - np.searchsorted(number, number)  # in a valley
-        mu = np.array([pair.mu for pair in self.pairs])
+        again = 0 if np.all(number[1:] > number[:-1]) else np.arange(len(number)) - np.searchsorted(number, number)  # in a valley
+        k, d = self.candidates.nodes.shape[1], feet.normal.shape[1]
+        frame = for_parts((len(number), d, d), MADE_FROM)
+        nodes, weights = (for_parts((len(number), k + self.masters.nodes.shape[1]), MADE_FROM, kind) for kind in (np.int64, np.float64))
+
+        def make(begin: int, end: int) -> None:
+            some = slice(begin, end)
+            frame[some] = frames(feet.normal[some])
+            nodes[some, :k], nodes[some, k:] = self.candidates.nodes[candidate[some]], self.masters.nodes[feet.facet[some]]
+            weights[some, :k], weights[some, k:] = self.candidates.weights[candidate[some]], -feet.weights[some]
+
+        in_parts_of_common("contacts", len(number), make, frame, nodes, weights)
         return Contacts(
             point=feet.point,
-            frame=frames(feet.normal),
+            frame=frame,
             gap=feet.gap,
-            mu=mu[pair],
-            nodes=np.concatenate([self.candidates.nodes[candidate], master], axis=1),
-            weights=np.concatenate([self.candidates.weights[candidate], -feet.weights], axis=1),
+            mu=np.array([pair.mu for pair in self.pairs])[pair],
+            nodes=nodes,
+            weights=weights,
             bodies=np.stack([self.candidates.bodies[candidate], self.masters.bodies[feet.facet]], axis=1),
             identity=number - first[pair] + again * np.diff(first)[pair],
         )

@@ -23,9 +23,11 @@ from fcsim.ranks.sharing import world as world
 from fcsim.ranks.sharing import writes as writes
 from fcsim.ranks.tasks import common_arrays as common_arrays
 from fcsim.ranks.tasks import complete_rows as complete_rows
+from fcsim.ranks.tasks import elementwise as elementwise
 from fcsim.ranks.tasks import for_parts as for_parts
 from fcsim.ranks.tasks import held_in_common as held_in_common
 from fcsim.ranks.tasks import in_parts as in_parts
+from fcsim.ranks.tasks import in_parts_of_common as in_parts_of_common
 from fcsim.ranks.tasks import in_pieces as in_pieces
 from fcsim.ranks.tasks import largest as largest
 from fcsim.ranks.tasks import shared_out as shared_out

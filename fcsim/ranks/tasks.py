@@ -23,6 +23,9 @@ from fcsim.ranks.world import World
 
 KEPT_FROM = 1 << 16
 """[bytes] Smaller arrays that all ranks have are each rank's own: they are many, and take little."""
+NUMBERS_FROM = 200_000
+"""Numbers of a vector from which ranks make it together and a machine has it once. A step has a dozen of them: of 126 000 numbers they
+took as much work as before, and 12 exchanges more."""
 
 
 def shared_out(what: str, tasks: Sequence[tuple[int, Callable[[], FloatArray]]]) -> list[FloatArray]:
@@ -59,6 +62,12 @@ def in_parts(what: str, rows: int, least: int, work: Callable[[int, int], None],
     in_pieces(what, [rows * k // ranks.size for k in range(ranks.size + 1)], work, *arrays)
 
 
+def in_parts_of_common(what: str, rows: int, work: Callable[[int, int], None], *arrays: NDArray) -> None:
+    """As `in_parts` for arrays of `for_parts` where these are in memory in common, else every rank does all of it: to exchange them would
+    take longer than to make them."""
+    in_parts(what, rows, 0 if any(in_common(array) for array in arrays) else rows + 1, work, *arrays)
+
+
 def in_pieces(what: str, ends: Sequence[int], work: Callable[[int, int], None], *arrays: NDArray) -> None:
     """As `in_parts`, rank k the rows ends[k] to ends[k + 1] - 1; ends (size + 1,), from 0 on."""
     ranks = world()
@@ -93,6 +102,23 @@ def for_parts(shape: tuple[int, ...], least: int, dtype: DTypeLike = np.float64)
         return np.empty(shape, dtype=dtype)
     found = ranks.common.array(shape, dtype)
     return np.empty(shape, dtype=dtype) if found is None else found
+
+
+def elementwise(what: str, size: int, make: Callable[[slice], FloatArray]) -> FloatArray:
+    """The vector (size,) whose numbers `some` are make(some), each of which follows from these of other vectors alone: where ranks have
+    memory in common each makes some, and a machine has the vector once; else every rank makes all. All ranks must ask, as in `in_parts`.
+
+    Numbers that are put in later every rank puts in itself, before it reads them, and all of them the same.
+    """
+    if world() is None or size < NUMBERS_FROM:
+        return make(slice(0, size))
+    found: FloatArray = for_parts((size,), 0)
+
+    def write(begin: int, end: int) -> None:
+        found[begin:end] = make(slice(begin, end))
+
+    in_parts_of_common(what, size, write, found)
+    return found
 
 
 def held_in_common[T](given: T) -> T:

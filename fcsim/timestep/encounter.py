@@ -12,6 +12,7 @@ import scipy.sparse as sp
 
 from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.assembly.model import Model
+from fcsim.assembly.whole.vectors import placed
 from fcsim.brief import brief
 from fcsim.contact_detection import Detection, Detector, contact_matrix_of_bodies
 from fcsim.contact_detection.contacts import Contacts, join
@@ -230,7 +231,7 @@ class Told:
 def encounter(model: Model, detection: Detection, scheme: Scheme, state: State, told: Told) -> Encounter:
     """Detect the contacts of a step and ask their law."""
     configuration = scheme.detection_configuration(model, state)
-    positions, way = model.positions(configuration), scheme.way(model, state)
+    positions, way = placed(model, configuration), scheme.way(model, state)
     moved = None if way is None else model.positions(model.advance(configuration, way)) - positions
     contacts = detection(positions, moved)
     if moved is not None and (near := may_come_after(told.variables, contacts, positions, told.proportions)).any():

@@ -11,6 +11,7 @@ import scipy.sparse as sp
 from fcsim.arrays import FloatArray
 from fcsim.assembly.kinematics.following import When
 from fcsim.assembly.model import Model
+from fcsim.assembly.whole.vectors import mass_times
 from fcsim.brief import brief
 from fcsim.contact_law.law import Breaking
 from fcsim.linear.sparse.columns import transposed_times
@@ -136,7 +137,7 @@ def of_ranks(model: Model, terms: Sequence[tuple[int, Callable[[], FloatArray]]]
 
 def momentum(model: Model, state: State) -> FloatArray:
     """M v (n_dofs,) [N s, N m s] of a state, the rigid bodies' inertia as it stands there; kept with it: it ends a step and begins one."""
-    return state.kept(("momentum",), model, lambda: model.apply_mass(state.v, model.rigid_mass(state.x)))
+    return state.kept(("momentum",), model, lambda: mass_times(model, state.v, model.rigid_mass(state.x)))
 
 
 def turning(model: Model, v0: FloatArray, P0: FloatArray, v1: FloatArray, P1: FloatArray) -> float:

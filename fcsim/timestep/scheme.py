@@ -15,6 +15,7 @@ from fcsim.brief import shown
 from fcsim.contact_law.law import Law, Timing
 from fcsim.errors import InputError
 from fcsim.mesh.part import Kinematics
+from fcsim.ranks import elementwise
 from fcsim.timestep.energy import Acting, Energy
 from fcsim.timestep.pushed import pushed
 from fcsim.timestep.state import State
@@ -190,7 +191,7 @@ class Dynamic(ABC):
 
     def way(self, model: Model, state: State) -> FloatArray | None:
         def made() -> FloatArray:
-            way = self.h * state.v
+            way = elementwise("ways", len(state.v), lambda some: self.h * state.v[some])
             more = pushed(model, load_at(model, state, self.h), self.h)
             return way if more is None else way + more
 

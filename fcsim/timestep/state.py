@@ -13,6 +13,7 @@ from fcsim.assembly.model import Model
 from fcsim.assembly.supports import Support
 from fcsim.brief import brief, by_fields
 from fcsim.errors import MODEL, InputError, expect
+from fcsim.ranks import kept_alike
 
 START = 1e-6
 """[rad] Of an angle, and of the model's size: what a start may differ from that of driven rotations."""
@@ -46,8 +47,13 @@ class State:
         if of is not model or values is None:
             values = made()
             values.setflags(write=False)
-            self._kept[what] = model, values
+            if kept_alike():  # what one rank alone keeps it would not come to make with the others, who wait
+                self._kept[what] = model, values
         return values
+
+    def let_go(self, what: tuple[object, ...]) -> None:
+        """Keep something no longer: nobody asks for it any more in the step that begins here."""
+        self._kept.pop(what, None)
 
     def at(self, t: float) -> State:
         """The state at the time t [s], itself where it is that: h/2 + h/2 may not be h to the last bit."""

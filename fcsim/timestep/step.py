@@ -23,6 +23,7 @@ from fcsim.linkage import Linkage
 from fcsim.problem import GlobalProblem, contact_status
 from fcsim.problem.reduction import Reduction
 from fcsim.problem.rolling import GlobalRollingProblem
+from fcsim.ranks import in_common
 from fcsim.solvers import Result, Status
 from fcsim.timestep.chain import NOBODY, ONE_LOOP, Attempt, Lead
 from fcsim.timestep.encounter import Encounter
@@ -149,8 +150,9 @@ class Step:
 
     def handed_out(self, remarks: tuple[str, ...]) -> Step:
         """The step with what there is to remark, and a state of its own: a script that writes into it (`x *= 1e3`, for millimetres) does
-        not change the steps to come."""
-        return replace(self, state=self.state.copied(), remarks=remarks)
+        not change the steps to come, nor what other ranks see."""
+        previous = self.previous.copied() if in_common(self.previous.x) else self.previous
+        return replace(self, previous=previous, state=self.state.copied(), remarks=remarks)
 
     @property
     def memory(self) -> tuple[Reactions, ...]:

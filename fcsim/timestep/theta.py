@@ -25,6 +25,7 @@ from fcsim.arrays import FloatArray
 from fcsim.assembly.kinematics.elastic_forces import energies_of
 from fcsim.assembly.loads import Follower
 from fcsim.assembly.model import Model
+from fcsim.assembly.whole.vectors import advanced, sum_by_ranks
 from fcsim.contact_law.coulomb import Gap
 from fcsim.contact_law.law import Law, Timing
 from fcsim.linear.sparse._vectors_kernels import weighted_sum
@@ -73,7 +74,7 @@ class Theta(Dynamic):
     def detection_configuration(self, model: Model, state: State) -> FloatArray:
         """The mid configuration x_m = x + h (1 - theta) v."""
         dt = self.h * (1 - self.theta)
-        return state.kept(("advanced", dt), model, lambda: model.advance(state.x, dt * state.v))
+        return state.kept(("advanced", dt), model, lambda: advanced(model, state.x, dt, state.v))
 
     def working_configuration(self, model: Model, before: State, after: State) -> FloatArray | None:
         """x_m of rigid bodies; of deformable ones x + (1-theta) (x+ - x), at theta = 1/2 the mean, about which their own forces have no
@@ -124,7 +125,7 @@ class Theta(Dynamic):
     def right_hand_side(self, model: Model, state: State) -> FloatArray:
         h, undamped = self.h, 1 - self.h * (1 - self.theta) * model.alpha
         if undamped == 1:
-            return weighted_sum(1.0, momentum(model, state), h, self._force(model, state))
+            return sum_by_ranks(1.0, momentum(model, state), h, self._force(model, state))
         return model.apply_mass(undamped * state.v, model.rigid_mass(state.x)) + h * self._force(model, state)
 
     def _force(self, model: Model, state: State) -> FloatArray:
@@ -133,7 +134,9 @@ class Theta(Dynamic):
 
         def made() -> FloatArray:
             if not any(isinstance(load, Follower) for load in model.loads):
-                return weighted_sum(theta, load_at(model, state, h), 1 - theta, load_at(model, state, 0.0))
+                force = sum_by_ranks(theta, load_at(model, state, h), 1 - theta, model.load(state.t))
+                state.let_go(("load", h))
+                return force
             x = model.advance(state.x, h * theta * state.v)
             return theta * model.load(state.t + h, x) + (1 - theta) * model.load(state.t, x)
 
@@ -142,7 +145,7 @@ class Theta(Dynamic):
     def advance(self, model: Model, state: State, v: FloatArray, impulse: FloatArray, rigid_mass: FloatArray) -> State:
         middle = self.detection_configuration(model, state)
         end = end_velocity(model, middle, v, rigid_mass, self.h * self.theta)
-        x = model.held.placed(model.advance(middle, self.h * self.theta * end), state.t + self.h)
+        x = model.held.placed(advanced(model, middle, self.h * self.theta, end), state.t + self.h)
         return State(state.t + self.h, x, model.keep_momentum(v, rigid_mass, x))
 
     def support_impulse(self, model: Model, residual: FloatArray, impulse: FloatArray, v: FloatArray, rigid_mass: FloatArray) -> FloatArray:

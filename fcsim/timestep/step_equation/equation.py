@@ -19,6 +19,7 @@ from fcsim.linear.sparse.columns import transposed_times
 from fcsim.problem import GlobalProblem
 from fcsim.problem.reduction import Reduction
 from fcsim.problem.rolling import GlobalRollingProblem
+from fcsim.ranks import elementwise
 from fcsim.solvers import Memory, Result
 from fcsim.timestep.chain import Attempt, Clock, Lead, SolverSettings
 from fcsim.timestep.encounter import Encounter
@@ -135,10 +136,10 @@ class Equation:
         return w + E.T @ arrived
 
     @cached_property
-    def _given(self) -> FloatArray:
-        """What adhesion and driven dofs take from the load (n_dofs,)."""
+    def _given(self) -> FloatArray | float:
+        """What adhesion and driven dofs take from the load (n_dofs,); 0 where there is neither."""
         adhesive = self.met.adhesive_impulse
-        given = np.zeros(self.model.n_dofs) if adhesive is None else adhesive
+        given = 0.0 if adhesive is None else adhesive
         if self._moved is None:
             return given
         return given + self.factor.apply(self._moved) + (0.0 if self._all_bent is None else self._all_bent @ self._moved)
@@ -180,9 +181,11 @@ class Equation:
         if self.leaning is not None and self.slanted is not None:
             begin = self._unknown(self.slanted[1])
             of_problem = begin + self.leaning.straight(of_problem - begin)
-        v = np.empty(model.n_dofs) if model.driven == "eliminated" else of_problem.copy()
         if model.driven == "eliminated":
+            v = np.empty(model.n_dofs)
             v[model.free_dofs] = of_problem
+        else:
+            v = elementwise("velocities", len(of_problem), lambda some: of_problem[some].copy())
         v[model.driven_dofs] = self.driven
         return model.world(v)
 

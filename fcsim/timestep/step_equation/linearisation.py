@@ -72,11 +72,13 @@ class Linearisation:
             R = polar_rotation(elastic.rotation(self._begin) + R)
         return elastic.system_rotation(R)
 
-    @cached_property
+    @property
     def first(self) -> FloatArray:
-        """The first iterate (n_dofs,): of turning bodies what brings about the motion that is expected, else the last velocity."""
-        if not self.model.elastic.turning:
-            return np.zeros(self.model.n_dofs)
+        """The first iterate (n_dofs,): of turning bodies what brings about the motion that is expected, else none."""
+        return self._first if self.model.elastic.turning else np.zeros(self.model.n_dofs)  # which is not worth keeping
+
+    @cached_property
+    def _first(self) -> FloatArray:
         scheme, v = self.scheme, self.scheme.force_per_reaction * self.scheme.h * self.state.v
         motion = expected_motion(self.serving, self.state, scheme.h)
         if motion is None or not scheme.timing.moving:

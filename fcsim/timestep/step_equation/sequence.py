@@ -9,6 +9,7 @@ from functools import partial
 import numpy as np
 
 from fcsim.arrays import FloatArray
+from fcsim.assembly.whole.vectors import sum_by_ranks
 from fcsim.errors import Unphysical
 from fcsim.problem import GlobalProblem
 from fcsim.problem.reduction import Reduction
@@ -25,7 +26,7 @@ from fcsim.timestep.reactions.unanswered import unanswered
 from fcsim.timestep.reactions.warm_start import nearest_start, warm_start
 from fcsim.timestep.step_equation.compliance import StepCompliance
 from fcsim.timestep.step_equation.equation import Answer, Equation, Past, StepSolver
-from fcsim.timestep.step_equation.linearisation import TOLERANCE
+from fcsim.timestep.step_equation.linearisation import TOLERANCE, Linearisation
 from fcsim.timestep.step_equation.linked_compliance import LinkedCompliance
 from fcsim.timestep.step_equation.loops.mixing import Mixing
 from fcsim.timestep.step_equation.loops.one_loop import FollowedLoad, follows, solve_followed
@@ -51,9 +52,9 @@ def _solved(equation: Equation, solver: StepSolver, past: Past) -> tuple[Answer 
     elastic, lead, keeps = equation.elastic, past.lead, equation.model.n_elastic > 0
     newton = _newton_begins(lead.solver if lead.steps else settings.name, past.serving)
     compliance = _beginning(equation, method(settings.name), first=not lead.steps, late=newton)
-    term, mixing, start, r = elastic.term(elastic.first) - elastic.push(elastic.first), Mixing(), None, np.empty(0)
+    term, mixing, start, r = _first_term(elastic), Mixing(), None, np.empty(0)
     for _ in range(elastic.iterations):
-        load = equation.rest - term
+        load, term = _load(equation, term)
         problem = equation.problem(load)
         reduction = Reduction(problem, compliance)
         rolling = RollingReduction(problem, reduction) if isinstance(problem, GlobalRollingProblem) else None
@@ -105,6 +106,18 @@ def _solved(equation: Equation, solver: StepSolver, past: Past) -> tuple[Answer 
     apart, why = TOLERANCE * float(change.max()), "" if equation.scheme.timing.moving else LOOSE
     attempts.append(Attempt("turning bodies", FREE_MOTION, "did not settle", apart, elastic.iterations, equation.share, TOLERANCE, why=why))
     return None, past
+
+
+def _first_term(elastic: Linearisation) -> FloatArray:
+    """The elastic term (n_dofs,) at the first iterate, without a pass over it where no loads follow."""
+    first = elastic.first
+    term, push = elastic.term(first), elastic.push(first)
+    return term - push if isinstance(push, np.ndarray) else term
+
+
+def _load(equation: Equation, term: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """The right side (n_dofs,) with an elastic term (n_dofs,), and this where it is asked for once more: of turning bodies; else none."""
+    return sum_by_ranks(1.0, equation.rest, -1.0, term), term if equation.elastic.rotation is not None else np.empty(0)
 
 
 def _explain(attempts: list[Attempt], equation: Equation, problem: GlobalProblem | GlobalRollingProblem, reduction: Reduction) -> None:

@@ -14,21 +14,25 @@ import numpy as np
 import scipy.sparse as sp
 
 from fcsim import Body, Material, QuasiStatic, Simulation, Support, Traction, contact_surface
+from fcsim.assembly.kinematics import ranges
 from fcsim.assembly.kinematics.ranges import BodyRanges
 from fcsim.assembly.model import build_model
+from fcsim.assembly.whole import vectors as of_model
 from fcsim.assembly.whole.kept_once import keep_in_common
+from fcsim.assembly.whole.vectors import advanced, mass_times, placed
 from fcsim.contact_detection import Contacts, ContactSurface, Detector, SurfacePair, contact_matrix_of_bodies, node_to_segment
 from fcsim.contact_detection.frames import frames
 from fcsim.contact_detection.node_to_segment import NodeToSegment
 from fcsim.contact_law.one_point import at_one_point
 from fcsim.linear.sparse.by_ranks import CONTACTS_FROM, RowsKept, normals_by_ranks, times_by_ranks, transposed_times_by_ranks
 from fcsim.linear.sparse.columns import has_pattern
-from fcsim.mesh import rectangle
+from fcsim.mesh import brick, rectangle
 from fcsim.mesh.part import RigidBody
 from fcsim.ranks import World, alone, for_parts, held_in_common, in_parts, largest, sharing, tasks
 from fcsim.ranks.mapped_memory import in_common
 from fcsim.timestep.reactions import reactions
 from fcsim.timestep.reactions.reactions import Reactions, transferred
+from fcsim.timestep.state import State
 
 
 def digest(array: np.ndarray) -> str:
@@ -313,6 +317,31 @@ def in_runs(world: World | None) -> tuple[str, bool]:
     return digest(x), world is None or (in_common(x) and world.bytes - before < 1000)
 
 
+def vectors(world: World | None) -> list[str]:
+    """Vectors of a model that ranks make together, beside those of one process; a state keeps nothing of what one rank makes alone."""
+    facet = {"face": np.array([[0, 1, 2]])}
+    part = brick("brick", (1.0, 1.0, 1.0), (2, 2, 1), Material(1e9, 0.2, 2000.0))
+    other = RigidBody("other", 2.0, np.diag([1.0, 2.0, 3.0]), np.zeros(3), np.eye(3), facet)
+    model = build_model([*(Body(f"brick {k}", part) for k in range(150)), other], kinematics="linear")
+    x, v = (0.1 * np.random.default_rng(seed).standard_normal(model.n_dofs) for seed in (0, 1))
+    state, asked = State(0.0, x, v), []
+
+    def ask() -> np.ndarray:
+        asked.append(len(asked))
+        return mass_times(model, v, model.rigid_mass(x))
+
+    with patch.object(tasks, "NUMBERS_FROM", 1000), patch.object(of_model, "NODES_FROM", 1000), patch.object(ranges, "SHARED_FROM", 1000):
+        with alone():
+            assert not in_common(state.kept(("momentum",), model, ask))
+        momentum = state.kept(("momentum",), model, ask)
+        assert state.kept(("momentum",), model, ask) is momentum and len(asked) == 1 + (world is not None)
+        found = [momentum, of_model.sum_by_ranks(0.5, x, 0.25, v), advanced(model, x, 0.1, v), placed(model, x)]
+    expected = [model.apply_mass(v, model.rigid_mass(x)), 0.5 * x + 0.25 * v, model.advance(x, 0.1 * v), model.positions(x)]
+    assert all(np.array_equal(a, b) for a, b in zip(found, expected, strict=True))
+    assert all(in_common(array) == (world is not None) for array in found)
+    return [digest(array) for array in found]
+
+
 def sent(world: World | None) -> bool:
     """Whether each rank gets what the others send to it alone: of number i to j i + 2 j numbers 10 i + j."""
     if world is None:
@@ -338,6 +367,7 @@ def main(folder: Path) -> None:
             "largest": looked_at(),
             "entered": entered(),
             "runs": in_runs(world),
+            "vectors": vectors(world),
             "sent": sent(world),
             "kept": [*kept_rows(), *normals(world), *at_one_place(), *contacts_found(world)],
             "held": held(world),

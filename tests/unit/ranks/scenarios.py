@@ -17,6 +17,7 @@ import numpy as np
 from fcsim.assembly.kinematics import ranges
 from fcsim.assembly.model import build_model
 from fcsim.assembly.supports import Support
+from fcsim.assembly.whole import vectors
 from fcsim.contact_detection import Detector, Everything, ExactContacts, SurfacePair, node_to_segment
 from fcsim.contact_detection.surfaces.model_surfaces import contact_surface
 from fcsim.contact_law import Velocity
@@ -26,7 +27,7 @@ from fcsim.mesh.exact.rigid_shapes import rigid_plane, rigid_sphere
 from fcsim.mesh.material import Material
 from fcsim.mesh.material.plastic import Plastic
 from fcsim.mesh.part import Body
-from fcsim.ranks import alone, sharing, writes
+from fcsim.ranks import alone, sharing, tasks, writes
 from fcsim.running.case import load_case
 from fcsim.running.parameters import parse_parameters
 from fcsim.timestep import energy
@@ -171,6 +172,9 @@ FROM: tuple[tuple[ModuleType, str], ...] = (
     *((module, "SHARED_FROM") for module in (energy, node_to_segment, ranges, reactions)),
     *((by_ranks, name) for name in ("CONTACTS_FROM", "NORMALS_FROM")),
     (ahead, "DOFS_FROM"),
+    (tasks, "NUMBERS_FROM"),
+    (node_to_segment, "MADE_FROM"),
+    (vectors, "NODES_FROM"),
     (reactions, "IN_COMMON_FROM"),
 )
 """What ranks share out of large models only."""

@@ -25,6 +25,7 @@ def test_parts_are_those_of_one_process(on_ranks: OnRanks, expected: Any, ranks:
         for name in ("rows", "few", "several", "alone"):
             assert own[name][0] == expected[name][0]
         assert own["products"] == expected["products"] and own["largest"] == expected["largest"]
+        assert own["vectors"] == expected["vectors"]
         assert own["sent"] and own["kept"] == expected["kept"] and own["held"] == expected["held"]
         common = own["common"]
         assert common["digests"] == expected["common"]["digests"]
