@@ -23,7 +23,7 @@ class CarriedRound:
     this v has (H_m' - H_m)^T v = h omega x (omega x r) of what turns alike, r the distance of both bodies' centres, and the bodies move by
     h / 2 times that on each other: what is carried round gains h omega / 2 of its distance from the axis a radian, whatever the scheme.
     Of a pair it is the mean of the contacts that bear in both steps, d of them at least, so that both turn alike; pairs that slide by more
-    are left out.
+    are left out, and what the step takes back of the way, see `fcsim.timestep.reactions.drift`.
     """
 
     def __init__(self) -> None:
@@ -69,10 +69,13 @@ class CarriedRound:
         bodies = contacts.bodies[bears][now]
         key = bodies.min(axis=1) * len(step.model.bodies) + bodies.max(axis=1)
         pairs, first, pair = np.unique(key, return_index=True, return_inverse=True)
-        turned, slid = (np.linalg.norm(_means(u, pair), axis=1) for u in (before[now] - last[then], after[now]))
+        round_, slid = _means(before[now] - last[then], pair), np.linalg.norm(_means(after[now], pair), axis=1)
+        turned, way = np.linalg.norm(round_, axis=1), 0.5 * step.scheme.h * round_
+        if meeting.drift is not None:
+            way = way - _means(np.einsum("a,ai,aij->aj", up, meeting.drift[bears, 1:], across)[now], pair)
         size = np.broadcast_to(meeting.size, len(contacts))[bears][now][first]
         alike = (slid < turned) & (np.bincount(pair) >= contacts.dimension)
-        return pairs, np.where(alike, 0.5 * step.scheme.h * step.substeps * turned, 0.0), size
+        return pairs, np.where(alike, step.substeps * np.linalg.norm(way, axis=1), 0.0), size
 
 
 def has_turned(step: Step, found: Deformation) -> bool:
