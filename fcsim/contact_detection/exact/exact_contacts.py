@@ -22,7 +22,7 @@ from fcsim.contact_detection.exact.looks import looks, met_ahead
 from fcsim.contact_detection.exact.mesh_skin import MeshSkin, mesh_skin
 from fcsim.contact_detection.exact.meshes_on_planes import meshes_on_planes
 from fcsim.contact_detection.exact.pairs import balls_on_cylinders, on_planes, rounded_contacts
-from fcsim.contact_detection.exact.solids import Placed, Solids, Touch, placed, round_points, solids_of
+from fcsim.contact_detection.exact.solids import Placed, Solids, Touch, placed, placed_on_the_way, round_points, solids_of
 from fcsim.contact_detection.frames import frames
 from fcsim.contact_detection.friction import Friction, FrictionTable
 from fcsim.contact_detection.general.everything import Everything
@@ -163,7 +163,7 @@ class ExactContacts:
 
         def met_at(t: float) -> Contacts:
             there = x + t * way
-            return self._at(placed(self.solids, there), there, further, now)
+            return self._at(placed_on_the_way(self.solids, there), there, further, now)
 
         met = with_swept(begin, met_at, x, way, times, alert)
         # a point of a solid moves with weights of both signs: its place is told by the master's columns, not by the signs

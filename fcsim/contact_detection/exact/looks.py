@@ -28,7 +28,8 @@ def looks(now: Placed, skin: MeshSkin | None, x: FloatArray, way: FloatArray, al
     reach = np.where(plane, 1e300, solids.radius + solids.half)[:, None]
     low, high = [now.centre - reach], [now.centre + reach]
     moves = way[solids.node]
-    least, most = [moves.min(axis=1)], [moves.max(axis=1)]
+    ends = (solids.half / solids.arm)[:, None] * np.einsum("nij,ni->nj", moves[:, 1:] - moves[:, :1], solids.axis)  # from the middle's
+    least, most = [moves.min(axis=1) - np.abs(ends)], [moves.max(axis=1) + np.abs(ends)]
     size = [np.where(plane, np.inf, solids.radius)]
     if skin is not None and len(skin.vertices):
         nodes, body = _owners(skin)

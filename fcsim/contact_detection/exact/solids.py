@@ -12,6 +12,8 @@ from fcsim.assembly.model import Model
 from fcsim.mesh.exact_shape import ShapeKind, across
 from fcsim.mesh.part import RigidBody
 
+_BENT = 1e-12  # of 1: frames nearer to rotations stay as they are
+
 
 class Solids(NamedTuple):
     """ns bodies of exact shape: body (ns,) numbers; node (ns, d + 1); kind (ns,); radius, half (ns,) [m] of the core; axis (ns, d) and
@@ -71,6 +73,24 @@ def placed(solids: Solids, positions: FloatArray) -> Placed:
     centre = nodes[:, 0]
     frame = ((nodes[:, 1:] - centre[:, None]) / solids.arm[:, None, None]).transpose(0, 2, 1)
     return Placed(solids, centre, frame, np.einsum("nij,nj->ni", frame, solids.axis))
+
+
+def placed_on_the_way(solids: Solids, positions: FloatArray) -> Placed:
+    """`placed` at nodes' positions (n_nodes, d) [m] on the straight way of a step, with frames that are rotations, F = Q S to Q (polar).
+
+    On straight ways a body that turns by an angle shrinks across its axis to the cosine of half of it: a capsule of 1 m that turns by half
+    a radian would end 15 mm short, its direction would be no unit vector and its gaps wrong by as much. Balls look the same in any frame.
+    """
+    now = placed(solids, positions)
+    gram = np.einsum("nji,njk->nik", now.frame, now.frame)
+    bent = np.abs(gram - np.eye(now.frame.shape[1])).max(axis=(1, 2), initial=0.0) > _BENT
+    bent[solids.of("sphere")] = False
+    if not bent.any():
+        return now
+    left, _, right = np.linalg.svd(now.frame[bent])
+    now.frame[bent] = left @ right
+    now.along[bent] = np.einsum("nij,nj->ni", now.frame[bent], solids.axis[bent])
+    return now
 
 
 def rim_points(now: Placed, solid: IntArray, end: FloatArray | float, normal: FloatArray) -> FloatArray:
