@@ -14,6 +14,8 @@ from fcsim.tables import read_rows
 MOST = 100_000
 """More combinations than anybody makes: a slip of the pen."""
 _RANGE = re.compile(r"(?P<first>[^/\s]+?)\.\.(?P<last>[^/\s]+)/(?P<count>\d+)(?P<log>log)?")
+_NUMBER = r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?"
+_WITHOUT_COUNT = re.compile(rf"{_NUMBER}\.\.{_NUMBER}")
 
 
 def read_over(text: str) -> tuple[str, tuple[str, ...]]:
@@ -29,6 +31,8 @@ def read_over(text: str) -> tuple[str, tuple[str, ...]]:
     found = _RANGE.fullmatch(values.strip())
     if found is not None:
         return name, _range(f"--over {text}", found["first"], found["last"], int(found["count"]), found["log"] is not None)
+    if _WITHOUT_COUNT.fullmatch(values.strip()):
+        raise InputError(f"--over {text}: expected how many values the range has, FIRST..LAST/COUNT: {name}={values.strip()}/5")
     parts = [part.strip() for part in values.split(";" if ";" in values else ",")]
     if ";" in values and not parts[-1]:  # one value with commas: divisions=8,4,4;
         parts.pop()

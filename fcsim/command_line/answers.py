@@ -18,13 +18,14 @@ from fcsim.records import to_json
 @dataclass
 class Answer:
     """What a command has answered so far. quiet: nothing is shown; document: what JSON will hold, None where lines are shown; lost: why
-    standard output did not take the whole answer, a full disk."""
+    standard output did not take the whole answer, a full disk; spoken: whether a line has gone to standard output."""
 
     quiet: bool = False
     document: dict[str, Json] | None = None
     tables: list[Json] = field(default_factory=list)
     lines: list[Json] = field(default_factory=list)
     lost: str = ""
+    spoken: bool = False
 
     @property
     def silent(self) -> bool:

@@ -114,9 +114,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
         end_with(code)
         if message and not listens:
             say(f"fcsim: {one_line(message)}", to_stderr=True)
+        about = {"command": options.command, "exit_code": code, **({"error": message} if message else {})}
         if answer.document is not None:
-            about = {"command": options.command, "exit_code": code, **({"error": message} if message else {})}
             write(json_text({**about, **answer.whole()}).rstrip())
+        elif message and getattr(options, "json", False) and not (answer.silent or answer.spoken):  # a command with an answer of its own
+            write(json_text(about).rstrip())
         if answer.lost:  # what is kept of the answer is not the answer: no success, though the work is done
             say(f"fcsim: standard output: {answer.lost}; the answer there is not whole", to_stderr=True)
             code = code or EXIT_BAD_INPUT

@@ -41,6 +41,7 @@ def say_json(document: object) -> None:
 def write(text: object = "", *, to_stderr: bool = False) -> None:
     """Print a line, whatever was asked for."""
     stream = sys.stderr if to_stderr else sys.stdout
+    current().spoken |= not to_stderr
     try:
         print(printable(text), file=stream, flush=True)
     except OSError as error:

@@ -32,8 +32,20 @@ _NAMED = 5  # blocks that are named before "and n more"
 
 def remarks(analysis: LimitAnalysis, seen: Bracket | None) -> tuple[str, ...]:
     """Return what must be known of the model and of simulated numbers, one sentence each."""
-    of_the_model = (*_of_the_model(analysis), *_of_units(analysis.problem), *_at_edges(analysis))
+    of_the_model = (*_of_the_model(analysis), *_of_units(analysis.problem), *_at_edges(analysis), *_of_the_end(analysis, seen))
     return (*of_the_model, *(() if seen is None else _of_the_simulation(analysis, seen)))
+
+
+def _of_the_end(analysis: LimitAnalysis, seen: Bracket | None) -> list[str]:
+    """What else answers, where Coulomb's law found no state and the associative one did."""
+    upper = analysis.associative
+    if analysis.coulomb.outcome != "undecided" or upper.outcome != "limit":
+        return []
+    instead = "fcsim push or tilt brackets the multiplier by simulation" if seen is None else "take the simulated multiplier"
+    return [
+        f"limit analysis under Coulomb's law did not converge, its last value is no limit: {instead}; above the associative "
+        f"{upper.multiplier:.6g} nothing stands"
+    ]
 
 
 def _of_the_model(analysis: LimitAnalysis) -> list[str]:

@@ -70,8 +70,10 @@ SUPPORT_COLUMNS = ("support", "along", "least [kN]", "largest [kN]")
 
 def support_rows(found: Sequence[SupportForces], digits: int) -> list[tuple[str, ...]]:
     """A row a component of each support's force, under SUPPORT_COLUMNS."""
+    bounds = np.array([[f.least, f.largest] for f in found])
+    noise = 1e-11 * np.abs(bounds[np.isfinite(bounds)]).max(initial=0.0)  # [N] below it: round-off of the programs, not a force
     return [
-        (f.name, axis, f"{1e-3 * low:.{digits}g}", f"{1e-3 * high:.{digits}g}")
+        (f.name, axis, *(f"{0.0 if abs(bound) <= noise else 1e-3 * bound:.{digits}g}" for bound in (low, high)))
         for f in found
         for axis, low, high in zip("xz" if len(f.least) == 2 else "xyz", f.least, f.largest, strict=True)
     ]

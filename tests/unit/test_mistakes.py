@@ -296,7 +296,10 @@ def test_mistakes_with_a_runs_folder(case_folder: Path, tmp_path: Path, capsys: 
     assert main([*run, "--resume"]) == 0
     assert "the run had its 2 steps already" in capsys.readouterr().out
     assert "--resume --steps 4" in json.loads((tmp_path / "out" / "run.json").read_text())["message"]
-    assert "### The folder has results\n" in PAGE and "### A finished run is resumed\n" in PAGE
+    (tmp_path / "out" / "run.json").write_text("{")
+    assert main([*run, "--overwrite"]) == 2
+    assert "delete the folder yourself, or choose another --out" in capsys.readouterr().err
+    assert "### The folder has results\n" in PAGE and "### The run.json is damaged\n" in PAGE and "### A finished run is resumed\n" in PAGE
 
 
 def test_remarks_reach_run_json(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -318,7 +321,7 @@ def test_the_page_tells_of_each_what_it_means_and_mends() -> None:
     assert len(entries) >= 20
     for entry in entries:
         assert re.search(r"^> ", entry, re.MULTILINE) and "**Mend**" in entry, entry.splitlines()[0]
-    known = {*MISTAKES, *CASES, "The folder has results", "A finished run is resumed", "Damping is forgotten"}
+    known = {*MISTAKES, *CASES, "The folder has results", "The run.json is damaged", "A finished run is resumed", "Damping is forgotten"}
     assert {entry.splitlines()[0] for entry in entries} == known
     with pytest.raises(InputError):
         Theta(h=0.0)

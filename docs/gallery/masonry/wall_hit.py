@@ -2,7 +2,7 @@
 A wall that is hit
 ==================
 
-A heavy ball flies into a wall at 20 m/s. It is fast: in one step it goes a fifth of its diameter, so contacts are looked for along its way.
+A heavy cube flies into a wall at 20 m/s. It is fast: in one step it goes a sixth of its edge, so contacts are looked for along its way.
 The blocks are rigid, their contacts found between all bodies without a list. The full wall: :doc:`its page </cases/wall_hit/README>`.
 """
 

@@ -91,7 +91,8 @@ def compare(results: Path | Sequence[Measurement], selection: Selection | None =
     names = solver_names(measurements, s.solvers)
     if s.reference is not None and s.reference not in names:
         raise InputError(f"--reference {s.reference}: expected one of the compared solvers, {', '.join(names)}")
-    parts, remarks = [], []
+    names, remarks = (names, []) if s.solvers is not None else _with_common_problems(measurements, names, s)
+    parts = []
     for tol in tolerances(measurements, s.tols):
         try:
             table = time_table(measurements, tol, names, s.clock)
@@ -106,6 +107,26 @@ def compare(results: Path | Sequence[Measurement], selection: Selection | None =
         raise InputError("; ".join(remarks))
     chosen = tuple(m for m in measurements if m.solver in names and m.tol in {part.table.tol for part in parts})
     return Comparison(chosen, tuple(parts), (*remarks, *_remarks(chosen, parts)), s)
+
+
+def _with_common_problems(measurements: Sequence[Measurement], names: list[str], s: Selection) -> tuple[list[str], list[str]]:
+    """All solvers where some problem was measured with each; else without those of the fewest problems, as methods for 2D alone are beside
+    those for 3D, and a remark for each. All, too, where less than two would stay."""
+    wanted = set(tolerances(measurements, s.tols))
+    problems: dict[str, set[tuple[str, str, float]]] = {name: set() for name in names}
+    for m in measurements:
+        if m.tol in wanted:
+            problems[m.solver].add((m.problem, m.form, m.tol))
+    kept, remarks = list(names), []
+    while not set.intersection(*(problems[name] for name in kept)):
+        rarest = min((name for name in kept if name != s.reference), key=lambda name: len(problems[name]), default="")
+        if len(kept) <= 2 or not rarest:
+            return names, []
+        kept.remove(rarest)
+        count = len({problem for problem, _, _ in problems[rarest]})
+        why = f"no problem was measured with every solver, and the fewest, {count}, with it"
+        remarks.append(f"{rarest} is left out: {why}; choose by --solvers")
+    return kept, remarks
 
 
 def _remarks(measurements: Sequence[Measurement], parts: Sequence[ToleranceComparison]) -> list[str]:

@@ -48,6 +48,9 @@ def check_folder(directory: Path, overwrite: bool) -> None:
     if not entries:
         return
     if not is_a_run(directory):
+        if {FILE, "steps.csv"} <= set(entries):  # nothing says any more whose these files are: to delete them is the user's to decide
+            why = f"{FILE} is damaged or not fcsim's, so nothing here is replaced"
+            raise InputError(f"{directory}: {why}; delete the folder yourself, or choose another --out")
         raise InputError(f"{directory}: expected an empty or new folder, or a run's, for the results, found {', '.join(entries[:5])}")
     if not overwrite:
         raise InputError(f"{directory}: holds the results of an earlier run; go on with --resume, replace it with --overwrite")

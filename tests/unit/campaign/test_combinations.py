@@ -123,3 +123,9 @@ def test_an_empty_cell_is_named_by_its_row_and_column(tmp_path: Path) -> None:
     path.write_text("mu,E\n0.3,1e9\n0.5,\n")
     with pytest.raises(InputError, match="row 2: expected a value of 'E', got an empty cell"):
         read_table_of_values(path)
+
+
+@pytest.mark.parametrize("text", ["mu=0.3..0.5", "E=1e9..4e9", "x=-1.5..2", "n=1..5"])
+def test_a_range_without_a_count_is_told_what_it_lacks(text: str) -> None:
+    with pytest.raises(InputError, match=r"expected how many values the range has, FIRST\.\.LAST/COUNT"):
+        read_over(text)

@@ -153,3 +153,14 @@ def test_a_run_of_no_steps_is_not_sent_to_be_drawn(case_folder: Path, tmp_path: 
     assert "found nothing to draw" in capsys.readouterr().err
     assert main([*arguments, "--steps", "1", "--overwrite"]) == 0
     assert "fcsim render" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("command", ["solve", "limit", "shake", "info"])
+def test_bad_input_is_answered_in_json(command: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Of commands with a document of their own, too: standard output is JSON, whatever the end."""
+    (tmp_path / "odd.json").write_text("{")
+    assert main([command, str(tmp_path / "odd.json"), "--json"]) == 2
+    said = capsys.readouterr()
+    answer = json.loads(said.out)
+    assert (answer["command"], answer["exit_code"]) == (command, 2)
+    assert said.err == f"fcsim: {answer['error']}\n"

@@ -157,3 +157,12 @@ def test_an_undecided_limit_is_not_above_the_associative_one(monkeypatch: pytest
     monkeypatch.setattr(Program, "solve", lambda self, *, given=None, **_: next(answers, None) if given is not None else None)
     found = coulomb_limit(problem, upper)
     assert found.outcome == "undecided" and found.multiplier == upper.multiplier
+
+
+def test_where_limit_analysis_ends_without_an_answer_simulation_is_named() -> None:
+    """The outcome is set by hand: which structures end so depends on digits of the programs."""
+    found = analyse(pushed(stone_on_floor(), (1.0, 0.0, 0.0)))
+    assert not remarks(found, None)
+    open_end = replace(found, coulomb=replace(found.coulomb, outcome="undecided"))
+    (said,) = remarks(open_end, None)
+    assert "did not converge" in said and "fcsim push or tilt" in said and f"{found.associative.multiplier:.6g}" in said

@@ -13,7 +13,8 @@ from scipy.optimize import linprog
 
 from fcsim.command_line.main import main
 from fcsim.errors import EXIT_BAD_INPUT, EXIT_OK, InputError
-from fcsim.masonry import MasonryProblem, limit_problem, read_masonry, support_forces
+from fcsim.masonry import MasonryProblem, SupportForces, limit_problem, read_masonry, support_forces
+from fcsim.masonry.report import support_rows
 
 G = 9.81
 DENSITY = 2000.0
@@ -86,6 +87,12 @@ def test_a_stone_on_the_ground_is_determined(tmp_path: Path) -> None:
         support_forces(limit_problem(read_masonry(path)), 0.51)  # it tips at 0.5
     with pytest.raises(InputError, match="multiplier: expected a finite number, got nan"):
         support_forces(limit_problem(read_masonry(path)), math.nan)
+
+
+def test_round_off_is_printed_as_nothing() -> None:
+    found = [SupportForces("a", np.array([-3.64e-12, -math.inf]), np.array([1e-13, 5.0])), SupportForces("b", np.zeros(2), np.full(2, 2e4))]
+    rows = support_rows(found, digits=6)
+    assert rows == [("a", "x", "0", "0"), ("a", "z", "-inf", "0.005"), ("b", "x", "0", "20"), ("b", "z", "0", "20")]
 
 
 def test_the_thrust_of_an_arch_that_others_computed(tmp_path: Path) -> None:

@@ -40,6 +40,14 @@ def edit(run: Path, **changes: Any) -> None:
     (run / "run.json").write_text(json.dumps(about | changes))
 
 
+def test_a_damaged_run_is_not_replaced_and_the_way_out_is_said(case_folder: Path, run: Path) -> None:
+    (run / "run.json").write_text('{"format":')
+    before = content(run)
+    with pytest.raises(InputError, match=r"run\.json is damaged.*delete the folder yourself, or choose another --out"):
+        run_case(load_case(case_folder), {"steps": "4"}, run, PLAIN, overwrite=True)
+    assert content(run) == before
+
+
 @pytest.mark.parametrize(
     "mine", ["plots/fig.svg", "vtk/blocks_00001.vtu", "steps.csv", "film.gif", "run.json", "fclib/global/S-i1-1-00001.hdf5"]
 )

@@ -148,6 +148,20 @@ def test_what_was_not_measured_is_not_unsolved():
         time_table([measurement("P", "A"), measurement("Q", "B")], 1e-4)
 
 
+def test_methods_of_another_dimension_are_left_out_with_a_remark():
+    """As of a folder with files in 2D and 3D, measured by methods for both and by such for one: nothing in common with all of them."""
+    both = [measurement(problem, solver) for problem in "PQR" for solver in "AB"]
+    rows = [*both, measurement("P", "3D"), measurement("Q", "3D"), measurement("R", "2D")]
+    compared = compare(rows)
+    assert compared.solvers == ("A", "B", "3D") and compared.parts[0].table.problems == ("P", "Q")
+    assert compared.remarks[0].startswith("2D is left out: ")
+    assert compare(rows, Selection(reference="2D")).parts[0].table.problems == ("R",)
+    with pytest.raises(InputError, match="no problem was measured with every solver"):
+        compare(rows, Selection(solvers=("A", "3D", "2D")))
+    with pytest.raises(InputError, match="no problem was measured with every solver"):
+        compare([measurement("P", "A"), measurement("Q", "B")])
+
+
 def test_forms_of_one_problem_are_two():
     rows = [measurement("P", "A"), measurement("P", "A", form="local")]
     assert time_table(rows, 1e-4).problems == ("P (global)", "P (local)")
