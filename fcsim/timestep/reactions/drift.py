@@ -103,8 +103,9 @@ def drift_of(scheme: Scheme, model: Model, reactions: Reactions | None) -> Drift
     """What a step of dynamics asks for drift, after one with these reactions; None but of rigid bodies under the law `Gap` that takes
     nothing back at once, with the pairs' own friction: what slides under another coefficient would be taken for what sticks."""
     law = scheme.law
-    plain = isinstance(law, Gap) and law.recovery != np.inf and law.friction is None
-    if reactions is None or not plain or not scheme.timing.moving or model.n_elastic or model.axes_matrix is not None:
+    if not isinstance(law, Gap) or law.recovery == np.inf or law.friction is not None:
+        return None
+    if reactions is None or not scheme.timing.moving or model.n_elastic or model.axes_matrix is not None:
         return None
     return Drift(reactions, law.recovery)
 
