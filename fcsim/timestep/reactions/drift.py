@@ -9,6 +9,9 @@ t what the last velocities leave of the way along the surface. Solved by least s
 has it in full and `counted` of what else there is of gaps, w_T has it for what would otherwise have slid by t unseen. A w of this kind only
 moves v by dq / h, so that a step is as easy as one without gaps: as many points carry. Where each gap counts for itself, by whatever
 measure, the last digits of w say which of a joint's points carry (docs/measures/rigid_masonry.md).
+
+A penetration enters (1) by `NO_GAP` sizes at most, and by no more than the law takes back in a step: w_T drives what sticks, and where
+friction holds a body wedged in a groove, the whole dq would throw it out along both faces at |g| / h.
 """
 
 from __future__ import annotations
@@ -22,8 +25,7 @@ from fcsim.arrays import FloatArray, IntArray
 from fcsim.assembly.model import Model
 from fcsim.brief import brief
 from fcsim.contact_detection.contacts import Contacts
-from fcsim.contact_law.coulomb import Gap
-from fcsim.contact_law.friction import Elliptic
+from fcsim.contact_law.coulomb import NO_GAP, Gap
 from fcsim.contact_law.proportions import Proportions
 from fcsim.linear.factors import SingularMatrix, SuperLU
 from fcsim.linear.sparse.columns import transposed_times
@@ -52,9 +54,11 @@ HELD = 1e-12
 
 @dataclass(frozen=True, eq=False)
 class Drift:
-    """What the last step left. reactions: its r; moved: dq (n_dofs,), kept for further contacts of the same step, as they are found."""
+    """What the last step left. reactions: its r; recovery: the law's, by which penetrations are taken back [1/s]; moved: dq (n_dofs,), kept
+    for further contacts of the same step, as they are found."""
 
     reactions: Reactions
+    recovery: float
     moved: list[FloatArray | None] = field(default_factory=list)
 
     __repr__ = brief
@@ -80,7 +84,8 @@ class Drift:
         bore = (r[:, 0] > 0) & (np.abs(contacts.gap) <= MOST * size) & ~contacts.cables
         stuck = bore & (np.linalg.norm(r[:, 1:], axis=1) < (1 - STUCK) * contacts.mu * r[:, 0])
         aside = left_aside(model, scheme, state, contacts)
-        apart = np.column_stack([contacts.gap, aside[:, 1:]])
+        deepest = -size * min(NO_GAP, self.recovery * scheme.timing.length_per_u)
+        apart = np.column_stack([np.maximum(contacts.gap, deepest), aside[:, 1:]])
         asked = np.column_stack([bore, *[stuck] * (d - 1)])
         if not np.any(np.abs(np.where(asked, apart, 0.0)) > LEAST * size[:, None]):
             return None
@@ -96,12 +101,13 @@ class Drift:
 
 def drift_of(scheme: Scheme, model: Model, reactions: Reactions | None) -> Drift | None:
     """What a step of dynamics asks for drift, after one with these reactions; None but of rigid bodies under the law `Gap` that takes
-    nothing back at once, with isotropic friction."""
+    nothing back at once, with the pairs' own friction: what slides under another coefficient would be taken for what sticks."""
     law = scheme.law
-    plain = isinstance(law, Gap) and law.recovery != np.inf and not isinstance(law.friction, Elliptic)
-    if reactions is None or not plain or not scheme.timing.moving or model.n_elastic or model.axes_matrix is not None:
+    if not isinstance(law, Gap) or law.recovery == np.inf or law.friction is not None:
         return None
-    return Drift(reactions)
+    if reactions is None or not scheme.timing.moving or model.n_elastic or model.axes_matrix is not None:
+        return None
+    return Drift(reactions, law.recovery)
 
 
 def left_aside(model: Model, scheme: Scheme, state: State, contacts: Contacts) -> FloatArray:

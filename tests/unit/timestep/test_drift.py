@@ -8,7 +8,9 @@ import scipy.sparse as sp
 
 from fcsim import Everything, Gap, Simulation, SolverSettings, Support, Theta, build_model
 from fcsim.assembly.layout import DIRECTIONS
-from fcsim.mesh import rigid_box
+from fcsim.contact_law import StaticKinetic
+from fcsim.contact_law.coulomb import NO_GAP
+from fcsim.mesh import rigid_box, rigid_rectangle
 from fcsim.timestep import substep
 from fcsim.timestep.reactions.drift import LEAST, drift_of, least_motion
 from fcsim.timestep.step import Step
@@ -58,4 +60,21 @@ def test_gaps_that_are_gone_at_once_and_first_steps_have_none() -> None:
     step = toppling(1, 0.7)[0]
     assert drift_of(step.scheme, step.model, None) is None and step.encounter.meeting.drift is None
     assert drift_of(Theta(H, law=Gap(recovery=np.inf)), step.model, step.reactions) is None
+    assert drift_of(Theta(H, law=Gap(friction=StaticKinetic(0.4, 0.3))), step.model, step.reactions) is None
     assert drift_of(step.scheme, step.model, step.reactions) is not None
+
+
+def test_a_body_that_overlaps_the_groove_it_sticks_in_is_not_thrown_out() -> None:
+    """Wedged by mu > 1 in a groove of right angles; the whole overlap as drift along both faces made some J in the second step."""
+    over, aslope = 5e-4 * SIDE, np.sqrt(0.5)
+    bodies = [
+        rigid_rectangle("box", (SIDE, SIDE), (0, 0), 2000.0),
+        rigid_rectangle("below", (2.0, 1.0), (-0.5, -0.5 - SIDE / 2 + over), 1.0),
+        rigid_rectangle("beside", (1.0, 2.0), (0.5 + SIDE / 2 - over, 0.5), 1.0),
+    ]
+    load = 9.81 * np.array([aslope, -aslope])
+    model = build_model(bodies, supports=[Support(name, DIRECTIONS[2]) for name in ("below", "beside")], gravity=lambda t: load)
+    steps = list(Simulation(model, Everything(model, 1.2), Theta(1e-3, law=Gap()), 2, SolverSettings(tol=1e-6), witness=None))
+    assert steps[-1].contacts.gap.min() < -0.9 * over
+    fastest = np.sqrt(2.0) * NO_GAP * SIDE / 1e-3
+    assert max(step.energy.kinetic for step in steps) <= 1.01 * 0.5 * 2000.0 * fastest**2
