@@ -36,7 +36,8 @@ from fcsim.timestep.state import State
 LEAST = 1e-9
 """Shares of a size: where nothing has gone apart by more there is no drift. Bodies at rest leave less."""
 MOST = 1e-3
-"""The largest gap that is drift, as a share of a size, and the largest way that drift takes along a surface."""
+"""The largest gap that is drift, as a share of a size, and the largest way that drift takes along a surface: what goes further, by the
+size of the smaller body, does not count as stuck. As a pebble on a turntable, which would otherwise end the drift of all bodies."""
 POINTS = {2: 1.5, 3: 3.0}
 """By dimension: contacts a pair of bodies from which these touch in faces. Where single points touch all gaps can be closed as they are."""
 STUCK = 1e-6
@@ -86,17 +87,22 @@ class Drift:
         aside = left_aside(model, scheme, state, contacts)
         deepest = -size * min(NO_GAP, self.recovery * scheme.timing.length_per_u)
         apart = np.column_stack([np.maximum(contacts.gap, deepest), aside[:, 1:]])
-        asked = np.column_stack([bore, *[stuck] * (d - 1)])
-        if not np.any(np.abs(np.where(asked, apart, 0.0)) > LEAST * size[:, None]):
-            return None
         near = (np.abs(contacts.gap) <= CLOSE * size) & ~contacts.cables | bore
-        weight = np.where(near[:, None], STILL, 0.0) * np.ones(d)
-        weight[:, 1:][stuck] = ALONG
-        weight[bore, 0] = 1.0
-        moved = least_motion(H, weight, np.where(asked, apart, 0.0), model.free_dofs)
-        if moved is None or np.any(np.abs(transposed_times(H, moved).reshape(-1, d)[:, 1:]) > MOST * size[:, None]):
-            return None
-        return moved
+        for _ in range(2):
+            asked = np.column_stack([bore, *[stuck] * (d - 1)])
+            if not np.any(np.abs(np.where(asked, apart, 0.0)) > LEAST * size[:, None]):
+                return None
+            weight = np.where(near[:, None], STILL, 0.0) * np.ones(d)
+            weight[:, 1:][stuck] = ALONG
+            weight[bore, 0] = 1.0
+            moved = least_motion(H, weight, np.where(asked, apart, 0.0), model.free_dofs)
+            if moved is None:
+                return None
+            far = np.any(np.abs(transposed_times(H, moved).reshape(-1, d)[:, 1:]) > MOST * size[:, None], axis=1)
+            if not far.any():
+                return moved
+            stuck &= ~far  # at most once: where the rest still goes as far there is no drift
+        return None
 
 
 def drift_of(scheme: Scheme, model: Model, reactions: Reactions | None) -> Drift | None:

@@ -56,6 +56,26 @@ def test_what_is_taken_back_does_not_creep(scheme: Any) -> None:
     assert not [text for step in steps for text in step.remarks if "have crept" in text]
 
 
+def test_a_pebble_that_goes_further_than_is_taken_back_creeps_alone() -> None:
+    """R (omega h)^2 / 2 a step is 3e-4 sizes of a box, which is taken back, and 5e-3 of a pebble; that ended it for all bodies."""
+    bodies = [
+        rigid_box("box", (0.05, 0.05, 0.05), (RADIUS, 0.0, 0.025), 1.0),
+        rigid_box("pebble", (0.003, 0.003, 0.003), (-RADIUS, 0.0, 0.0015), 1.0),
+        rigid_box("table", (2.0, 2.0, 0.1), (0.0, 0.0, -0.05), 1.0),
+    ]
+    driven = DrivenRotation("table", lambda t: OMEGA * t, (0.0, 0.0, 0.0), (0.0, 0.0, 1.0))
+    model = build_model(bodies, supports=[driven], gravity=lambda t: (0.0, 0.0, -9.81))
+    start, spin = at_rest(model, h=5e-3), OMEGA * np.array([0.0, 0.0, 1.0])
+    v = start.v.copy()
+    for k, x in enumerate((RADIUS, -RADIUS)):
+        v[model.dof_offset[k] : model.dof_offset[k] + 6] = np.concatenate([np.cross(spin, (x, 0.0, 0.0)), spin])
+    done = list(Simulation(model, Everything(model, mu=0.5), Theta(5e-3), 20, initial=State(0.0, start.x, v)))
+    radii = np.linalg.norm(model.positions(done[-1].state.x)[:16, :2].reshape(2, 8, 2).mean(axis=1), axis=1)
+    box, pebble = np.log(radii / RADIUS)
+    assert abs(box) < 2 * (5e-3 * OMEGA) ** 2 / 2
+    assert_allclose(pebble, 20 * (5e-3 * OMEGA) ** 2 / 2, rtol=0.1)
+
+
 def test_what_hardly_turns_in_a_step_is_not_told() -> None:
     """A tenth of the turning in a step: a hundredth of the way, and nothing is said; nor of a box on a table that stands."""
     for omega in (OMEGA / 10, 0.0):
