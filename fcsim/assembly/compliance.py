@@ -22,8 +22,8 @@ from fcsim.assembly.shares.group_factor import GroupFactor, own_surface, solved_
 from fcsim.assembly.shares.shares import Shares, runs
 from fcsim.assembly.whole.elastic_matrix import ElasticMatrix, joined
 from fcsim.errors import InputError
-from fcsim.linear.late.late_rows import with_short_indices
 from fcsim.linear.sparse._vectors_kernels import weighted_sum
+from fcsim.linear.sparse.short_indices import with_short_indices
 from fcsim.ranks import held_in_common, partners, world
 
 

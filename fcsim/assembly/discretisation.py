@@ -18,7 +18,7 @@ from scipy.sparse import csr_array
 from fcsim import runtime
 from fcsim.arrays import FloatArray, IntArray
 from fcsim.errors import InputError
-from fcsim.linear.late.late_rows import with_short_indices
+from fcsim.linear.sparse.short_indices import with_short_indices
 from fcsim.mesh.cell_type import CELL_TYPES
 from fcsim.mesh.part import Part
 

@@ -42,7 +42,7 @@ from scipy.sparse import csr_array
 from fcsim.arrays import FloatArray, IntArray
 from fcsim.brief import brief
 from fcsim.errors import InputError
-from fcsim.linear.late.late_rows import with_short_indices
+from fcsim.linear.sparse.short_indices import with_short_indices
 from fcsim.mesh.cell_type import CELL_TYPES, CellType
 from fcsim.mesh.order.quadrature import quadrature as by_gauss
 from fcsim.mesh.part import Part

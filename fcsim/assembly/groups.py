@@ -17,9 +17,9 @@ from fcsim.assembly.over_ranks.pieces import spread_operators, spread_over
 from fcsim.assembly.supports import HeldDofs
 from fcsim.brief import brief
 from fcsim.errors import InputError
-from fcsim.linear.late.late_rows import with_short_indices
 from fcsim.linear.over_ranks.rows import RowsOverRanks
 from fcsim.linear.sparse._vectors_kernels import put_rows, rows_of
+from fcsim.linear.sparse.short_indices import with_short_indices
 from fcsim.mesh.material.by_region import is_linear
 from fcsim.mesh.part import Kinematics, Part
 from fcsim.ranks import World

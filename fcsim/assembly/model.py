@@ -28,10 +28,10 @@ from fcsim.assembly.supports import DrivenRotation, HeldDofs, Support, held_dofs
 from fcsim.assembly.time_functions import gravity_of
 from fcsim.brief import brief, by_fields, shown
 from fcsim.errors import InputError, asked
-from fcsim.linear.late.late_rows import with_short_indices
 from fcsim.linear.over_ranks.rows import whole
 from fcsim.linear.sparse._vectors_kernels import put_lumped
 from fcsim.linear.sparse.each import times_each
+from fcsim.linear.sparse.short_indices import with_short_indices
 from fcsim.mesh.part import Kinematics, Placed, refuse_kinematics
 
 

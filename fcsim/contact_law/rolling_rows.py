@@ -14,7 +14,7 @@ from fcsim.assembly.model import Model
 from fcsim.contact_detection.contacts import Contacts
 from fcsim.contact_law.law import Terms
 from fcsim.errors import InputError
-from fcsim.linear.late.late_rows import with_short_indices
+from fcsim.linear.sparse.short_indices import with_short_indices
 
 ROWS = 5
 """Unknowns of a contact with rolling resistance."""

@@ -16,7 +16,8 @@ from fcsim.linear._elimination_tree_kernels import has_symmetric_pattern
 from fcsim.linear.block_rows import product_by_rows
 from fcsim.linear.elimination_tree import EliminationTree, elimination_tree, joint_count
 from fcsim.linear.factors import SingularMatrix
-from fcsim.linear.late.late_rows import LateRows, in_blocks, with_short_indices
+from fcsim.linear.late.late_rows import LateRows, in_blocks
+from fcsim.linear.sparse.short_indices import with_short_indices
 
 FRONTS_FROM, JOINT, SAVING = 600, 6, 0.2
 """Contact unknowns from which, contacts a joint in the mean from which, and flops over m^3 up to which fronts are worth their overhead."""

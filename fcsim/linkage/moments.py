@@ -20,7 +20,7 @@ import scipy.sparse as sp
 
 from fcsim.arrays import FloatArray, IntArray
 from fcsim.assembly.model import Model
-from fcsim.linear.late.late_rows import with_short_indices
+from fcsim.linear.sparse.short_indices import with_short_indices
 
 ROUND = 1e-14
 """Of the model's size: moments of a unit force below are those of round-off."""

@@ -18,8 +18,9 @@ import scipy.sparse as sp
 from fcsim.arrays import FloatArray, Matrix
 from fcsim.brief import brief, by_fields
 from fcsim.errors import InputError
-from fcsim.linear.late.late_rows import source_of, with_short_indices
+from fcsim.linear.late.late_rows import source_of
 from fcsim.linear.over_ranks.implicit_matrix import ImplicitMatrix, LateMatrix, with_entries
+from fcsim.linear.sparse.short_indices import with_short_indices
 from fcsim.problem.bodies.shares import KnownShares
 from fcsim.problem.delassus import Delassus
 from fcsim.problem.distributed import DistributedDelassus, whole_delassus
@@ -62,9 +63,7 @@ def _finite(matrix: Matrix) -> bool:
 
 def as_matrix(values: object, what: str, shape: tuple[int, int]) -> Matrix:
     """`values` as a matrix of that shape with finite floats, dense or sparse; one that is made late, or shared by ranks, as it is.
-
-    InputError names `what` where they are none.
-    """
+    InputError names `what` where they are none."""
     matrix: Matrix
     if isinstance(values, DistributedDelassus | ImplicitMatrix):
         if values.shape != shape:

@@ -16,7 +16,7 @@ from fcsim.assembly.nonlinear.cells import CellStrain, PartCells, cell_strain, p
 from fcsim.assembly.nonlinear.foreseen import foreseen
 from fcsim.assembly.nonlinear.mean_strain import respond_between
 from fcsim.assembly.nonlinear.strain_measures import InStrain, PlaneStress
-from fcsim.linear.late.late_rows import with_short_indices
+from fcsim.linear.sparse.short_indices import with_short_indices
 from fcsim.mesh.material.by_region import ByRegion, as_law
 from fcsim.mesh.material.law import Circumstances, PointLaw, initial_variables
 from fcsim.mesh.part import Part

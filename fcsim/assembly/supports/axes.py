@@ -8,7 +8,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from fcsim.arrays import FloatArray, IntArray
-from fcsim.linear.late.late_rows import with_short_indices
+from fcsim.linear.sparse.short_indices import with_short_indices
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from typing import Protocol, cast
+from typing import Protocol
 
 import numpy as np
 import scipy.sparse as sp
@@ -102,18 +102,6 @@ class LateRows(sp.bsr_array):
 def source_of(W: Matrix) -> Source | None:
     """What W's entries are made of, where it is of such rows."""
     return W.source if isinstance(W, LateRows) else None
-
-
-def with_short_indices[M: Matrix](matrix: M) -> M:
-    """The same with indices of 32 bits where they suffice, as most matrices have them: for others, too, loops would be compiled anew. SciPy
-    gives 64 bits to what is made of places in such arrays, and to what is made of that."""
-    if not isinstance(matrix, sp.csr_array | sp.csc_array | sp.bsr_array) or isinstance(matrix, LateRows):
-        return matrix
-    if matrix.indices.dtype == np.int32 or max(*matrix.shape, matrix.nnz) > np.iinfo(np.int32).max:
-        return matrix
-    data = matrix.data if matrix.has_canonical_format else matrix.data.copy()  # which may be put in order
-    indices, indptr = matrix.indices.astype(np.int32), matrix.indptr.astype(np.int32)
-    return cast(M, type(matrix)((data, indices, indptr), shape=matrix.shape))
 
 
 def in_blocks(W: sp.sparray, d: int) -> sp.bsr_array:

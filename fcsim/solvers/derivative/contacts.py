@@ -25,8 +25,8 @@ from numpy.typing import NDArray
 from fcsim.arrays import FloatArray, IntArray, Matrix
 from fcsim.errors import InputError
 from fcsim.linear.factors import DenseLU, SingularMatrix, SuperLU
-from fcsim.linear.late.late_rows import with_short_indices
 from fcsim.linear.singularity import refuse_singular
+from fcsim.linear.sparse.short_indices import with_short_indices
 from fcsim.problem import OPEN, SLIP, STICK, LocalProblem
 from fcsim.solvers.derivative.outer import OuterProduct, checked_change
 

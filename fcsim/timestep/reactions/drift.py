@@ -104,9 +104,10 @@ class Drift:
             moved = least_motion(H, weight, np.where(asked, apart, 0.0), model.free_dofs)
             if moved is None:
                 return None
-            far = np.any(np.abs(transposed_times(H, moved).reshape(-1, d)[:, 1:]) > MOST * size[:, None], axis=1)
+            brought = transposed_times(H, moved).reshape(-1, d)
+            far = np.any(np.abs(brought[:, 1:]) > MOST * size[:, None], axis=1)
             if not far.any():
-                return moved if fits(apart[:, 0] + transposed_times(H, moved).reshape(-1, d)[:, 0], contacts.gap, bore, size) else None
+                return moved if fits(apart[:, 0] + brought[:, 0], contacts.gap, bore, size) else None
             stuck &= ~far  # at most once: where the rest still goes as far there is no drift
         return None
 

@@ -14,7 +14,7 @@ from fcsim.assembly.kinematics.following.pressures import FollowingPressures
 from fcsim.assembly.kinematics.following.when import When
 from fcsim.assembly.layout import BodyLayout
 from fcsim.assembly.loads import Follower, FollowerForce, FollowerPressure
-from fcsim.linear.late.late_rows import with_short_indices
+from fcsim.linear.sparse.short_indices import with_short_indices
 
 
 class FollowingLoads:

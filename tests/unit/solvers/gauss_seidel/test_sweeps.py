@@ -13,7 +13,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from fcsim.errors import InputError
 from fcsim.linear._block_rows_kernels import product
 from fcsim.linear.block_rows import block_rows
-from fcsim.linear.late.late_rows import with_short_indices
+from fcsim.linear.sparse.short_indices import with_short_indices
 from fcsim.problem import LocalProblem
 from fcsim.solvers import SOLVERS, Status, solve
 from fcsim.solvers.gauss_seidel.one_contact import ONE_CONTACT
