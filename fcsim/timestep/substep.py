@@ -32,7 +32,7 @@ from fcsim.timestep.reactions.warm_start import MEMORY
 from fcsim.timestep.scheme import Scheme
 from fcsim.timestep.state import State, updated
 from fcsim.timestep.step import Moment, Step
-from fcsim.timestep.step_equation.closing import Closing
+from fcsim.timestep.step_equation.closing import Closing, closing
 from fcsim.timestep.step_equation.end_velocity import turning_impulse
 from fcsim.timestep.step_equation.equation import Answer, Equation, Past, StepSolver
 from fcsim.timestep.step_equation.linearisation import TOLERANCE, Linearisation, joined_nodes
@@ -184,7 +184,7 @@ class Substep:
         past = Past(memory, start.lead, None if kept is None else kept.pop(self.cuts, Memory.of(identity)).follow(identity))
         elastic = Linearisation(scheme, model, state, past.serving)
         factor = run.system(scheme).with_rigid_mass(rigid_mass).turned(elastic.rotation)
-        driven, links = scheme.driven(model, state), Closing(linked(run.linkage, model, scheme, state), run.extent)
+        driven, links = scheme.driven(model, state), closing(linked(run.linkage, model, scheme, state), model, scheme, state, run.extent)
         borne = borne_at_first(model, run.detection, scheme, met)
         equation = Equation(scheme, model, state, met, factor, rest, driven, elastic, 0.5**self.cuts, links.rows, borne=borne)
         return _Opened(start, impact, equation, past, links, rigid_mass, whole_per_part)
@@ -233,8 +233,9 @@ class Substep:
             result, v, met = answer.result, answer.v, answer.met
             impulse = met.impulse(result.r) + links.impulse(result.multiplier)
             after = updated(model, state, scheme.advance(model, state, v, impulse, opened.rigid_mass))
-            if not links.keep(model, scheme, v, result.multiplier, (state, after), self.attempts, equation.share):
+            if not links.keep(v, result.multiplier, after):
                 if links.given_up:
+                    self.attempts.append(links.attempt(equation.share))
                     return None
                 past = past.of_the_same_step(met.contacts, met.contacts, result.r)
                 equation = replace(equation, met=met, linked=links.rows)

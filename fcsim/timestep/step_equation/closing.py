@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from fcsim.arrays import FloatArray
@@ -31,79 +33,89 @@ BALANCED, BORNE_BY_STATICS = 1e-8, 1e-5
 """Of the largest force of a link: what the forces of links of one round of statics and those of the next may differ by; after `ROUNDS`."""
 
 
-class Closing:
-    """The rows of a step while it is solved again until they are closed; given_up: they are not, and the step is to be cut."""
+class _Round(NamedTuple):
+    """What an answer of the step shows: the rows of its next solve, what is left of the larger of the opening and the change of the rows,
+    relative to what both are measured by, and whether that is nothing that counts."""
 
-    def __init__(self, rows: Linked | None, extent: float) -> None:
-        """extent [m]: size of the model."""
-        self.rows, self._extent, self._rounds, self.given_up = rows, extent, 0, False
-        self._at = np.empty(0)  # increments at which rows of statics were taken; empty: none
+    rows: Linked
+    left: float
+    closed: bool
+
+
+class Closing:
+    """The rows of a step in dynamics while it is solved again until they are closed; given_up: they are not, and the step is to be cut."""
+
+    _most = ROUNDS
+
+    def __init__(self, rows: Linked | None, model: Model, scheme: Scheme, before: State, extent: float) -> None:
+        """before: the state that the step begins in; extent [m]: size of the model."""
+        self.rows, self.given_up = rows, False
+        self._model, self._scheme, self._before, self._extent = model, scheme, before, extent
+        self._rounds, self._left = 0, 0.0
 
     def impulse(self, multiplier: FloatArray | None) -> FloatArray | float:
         """G l (n_dofs,) [N s; quasi-statics: N]."""
         return 0.0 if self.rows is None or multiplier is None else np.asarray(self.rows.G @ multiplier)
 
-    def keep(
-        self,
-        model: Model,
-        scheme: Scheme,
-        v: FloatArray,
-        l: FloatArray | None,
-        ends: tuple[State, State],
-        attempts: list[Attempt],
-        share: float,
-    ) -> bool:
-        """Whether the links are closed after the step's answer v (n_dofs,), l (p,), from the one of `ends` to the other, and their forces
-        act where they are meant to; where not, `rows` are those of its next solve.
+    def keep(self, v: FloatArray, l: FloatArray | None, after: State) -> bool:
+        """Whether the links are closed by the step's answer v (n_dofs,), l (p,), which ends in the state `after`, and their forces act
+        where they are meant to; where not, `rows` are those of its next solve, or the step is given up.
 
         InputError where the answer does not keep the rows as they are: links that contradict each other or the supports.
         """
         if self.rows is None:
             return True
-        if not scheme.timing.moving:
-            return self._keep_in_statics(self.rows, model, scheme, v, np.zeros(0) if l is None else l, ends, attempts, share)
-        self.rows.refuse_contradictions(v, scheme.timing.length_per_u, self._extent)
-        missing = self.rows.missing(model, scheme, v, ends[1])
-        worst = float(np.abs(missing).max(initial=0.0)) / self._extent
-        later = self.rows.bent(model, scheme, v, ends, missing)
-        change = self.rows.change(later, model, scheme, self._extent)
-        if worst <= CLOSED and change <= (TURNED if self._rounds < SETTLED else BORNE):
+        later, self._left, closed = self._round(self.rows, v, np.zeros(0) if l is None else l, after)
+        if closed:
             return True
-        return self._again(later, max(worst, change), ROUNDS, attempts, share)
+        self._rounds += 1
+        self.given_up = self._rounds > self._most
+        if not self.given_up:
+            self.rows = later
+        return False
 
-    def _keep_in_statics(
-        self,
-        rows: Linked,
-        model: Model,
-        scheme: Scheme,
-        v: FloatArray,
-        l: FloatArray,
-        ends: tuple[State, State],
-        attempts: list[Attempt],
-        share: float,
-    ) -> bool:
-        """`keep` in statics: Newton's method on the links with the geometric stiffness of their forces, a round no farther than
-        `FARTHEST`."""
-        before, after = ends
-        way = v - self._at if len(self._at) else v
-        far = rows.reach(model, before.x, self._at if len(self._at) else np.zeros_like(v), way, self._extent)
+    def attempt(self, share: float) -> Attempt:
+        """The note of a step, or the share of one, that is given up."""
+        return Attempt("links", "the free motion", "did not close", self._left, self._most, share, CLOSED)
+
+    def _round(self, rows: Linked, v: FloatArray, l: FloatArray, after: State) -> _Round:
+        """Directions of links are taken anew about the answer, by fixed-point iteration."""
+        model, scheme, extent = self._model, self._scheme, self._extent
+        rows.refuse_contradictions(v, scheme.timing.length_per_u, extent)
+        missing = rows.missing(model, scheme, v, after)
+        worst = float(np.abs(missing).max(initial=0.0)) / extent
+        later = rows.bent(model, scheme, v, (self._before, after), missing)
+        change = rows.change(later, model, scheme, extent)
+        return _Round(later, max(worst, change), worst <= CLOSED and change <= (TURNED if self._rounds < SETTLED else BORNE))
+
+
+class ClosingInStatics(Closing):
+    """The same in statics: Newton's method on the links with the geometric stiffness of their forces, no farther a round than
+    `FARTHEST`."""
+
+    _most = ROUNDS_OF_STATICS
+
+    def __init__(self, rows: Linked | None, model: Model, scheme: Scheme, before: State, extent: float) -> None:
+        super().__init__(rows, model, scheme, before, extent)
+        self._at: FloatArray | None = None  # increments (n_dofs,) at which the rows were taken; None: at the beginning
+
+    def _round(self, rows: Linked, v: FloatArray, l: FloatArray, after: State) -> _Round:
+        model, scheme, extent, x = self._model, self._scheme, self._extent, self._before.x
+        begin = np.zeros_like(v) if self._at is None else self._at
+        way = v - begin
+        far = rows.reach(model, x, begin, way, extent)
         if far > FARTHEST and self._rounds < ROUNDS_OF_STATICS:
             self._at = v - (1 - FARTHEST / far) * way
-            return self._again(rows.at(model.advance(before.x, self._at), self._at, l), far, ROUNDS_OF_STATICS, attempts, share)
-        rows.refuse_contradictions(v, scheme.timing.length_per_u, self._extent)
-        worst = float(np.abs(rows.missing(model, scheme, v, after)).max(initial=0.0)) / self._extent
+            return _Round(rows.at(model.advance(x, self._at), self._at, l), far, closed=False)
+        rows.refuse_contradictions(v, scheme.timing.length_per_u, extent)
+        worst = float(np.abs(rows.missing(model, scheme, v, after)).max(initial=0.0)) / extent
         later, self._at = rows.at(after.x, v, l), v
-        change = rows.unbalanced(later, model, l, self._extent)
-        if worst <= CLOSED and (change <= BALANCED or (change <= BORNE_BY_STATICS and self._rounds >= ROUNDS)):
-            return True
-        return self._again(later, max(worst, change), ROUNDS_OF_STATICS, attempts, share)
+        change = rows.unbalanced(later, model, l, extent)
+        balanced = change <= BALANCED or (change <= BORNE_BY_STATICS and self._rounds >= ROUNDS)
+        return _Round(later, max(worst, change), worst <= CLOSED and balanced)
 
-    def _again(self, later: Linked, left: float, rounds: int, attempts: list[Attempt], share: float) -> bool:
-        """False; the `later` rows are those of the next solve, or the step is given up after so many `rounds`."""
-        self._rounds += 1
-        if self._rounds > rounds:
-            self.given_up = True
-            attempts.append(Attempt("links", "the free motion", "did not close", left, rounds, share, CLOSED))
-            return False
-        self.rows = later
-        return False
+
+def closing(rows: Linked | None, model: Model, scheme: Scheme, before: State, extent: float) -> Closing:
+    """The rows of a step, None: it has no links, as they are closed in dynamics or in statics; arguments: see `Closing`."""
+    of = Closing if scheme.timing.moving else ClosingInStatics
+    return of(rows, model, scheme, before, extent)
