@@ -164,51 +164,6 @@ def settings_of_model(
     return replace(settings, floor=max(known / timing.h, min(MOST_MOTION * lengths[0] / timing.h, fall)))
 
 
-def solve_chain(
-    settings: SolverSettings,
-    reduction: Reduction,
-    warm: FloatArray,
-    tol: float,
-    share: float,
-    attempts: list[Attempt],
-    kept: Memory | None,
-    lead: Lead,
-    *,
-    keeps: bool = True,
-) -> tuple[Result | None, Memory | None]:
-    """Return the first answer of the chain below `tol`, None where no link reaches it, and what the chain leaves for the next problem.
-
-    warm (m,): where the first link begins; share: of the step that is solved; kept: what the problem before left; lead: who
-    begins; keeps: whether what `auto` leaves of up to 128 contacts serves the next problems, not so where all bodies are rigid. What was
-    tried is added to `attempts`.
-    """
-    chain: list[tuple[str, str, Mapping[str, object]]] = [(settings.name, "previous steps", settings.options)]
-    if lead.steps:
-        chain.insert(0, (lead.solver, "previous steps", {}))
-    if np.any(warm):
-        chain.append((settings.name, "zero", settings.options))
-    chain += [(name, "zero", {}) for name in settings.fallback if name != settings.name]
-    solved: Callable[..., Result] = solve  # which checks the options
-    few = not keeps and reduction.problem.nc <= CONTACTS
-    for k, (name, start, options) in enumerate(chain):
-        r = warm if start == "previous steps" else None
-        serving = None if few and name == "auto" else kept  # without a memory it passes its compiled front door
-        result = solved(reduction, name, r, tol=tol, floor=settings.least_motion, memory=serving, **options)
-        kept = kept if serving is None else result.memory
-        attempts.append(Attempt(name, start, result.status.value, result.error, result.iterations, share, tol, k == 0 and lead.steps > 0))
-        if result.solved:
-            return replace(result, memory=None), kept
-        if result.status is Status.EXHAUSTED:
-            break
-    return None, kept
-
-
-def given_up(attempts: Sequence[Attempt]) -> bool:
-    """Whether a step is not to be cut any further: twice all the effort was spent that such a problem is worth, on the step and on its
-    first part, so that the end comes after a time that is bounded."""
-    return sum(attempt.status == Status.EXHAUSTED.value for attempt in attempts) > 1
-
-
 ROLLING: tuple[tuple[str, Mapping[str, object]], ...] = (
     ("ROLLING-AUTO", {"max_iterations": 3000}),
     ("ROLLING-EG", {"max_iterations": 3000}),
@@ -219,24 +174,75 @@ ROLLING: tuple[tuple[str, Mapping[str, object]], ...] = (
 """The methods for steps with rolling resistance, the slower ones in case that the first does not arrive."""
 
 
-def solve_rolling_chain(
-    settings: SolverSettings, reduction: RollingReduction, warm: FloatArray, tol: float, share: float, attempts: list[Attempt]
-) -> Result | None:
-    """As `solve_chain` on the cone of rolling friction: the settings' solver where it has this cone, then `ROLLING`, the short ones from
-    where the one before ended, the long ones from zero."""
-    own = [(settings.name, dict(settings.options))] if 5 in method(settings.name).dimensions else []
-    r, start = warm, "previous steps" if np.any(warm) else "zero"
-    solved: Callable[..., Result] = solve_rolling  # which checks the options
-    for name, options in (*own, *ROLLING):
-        if not options and name != settings.name:
-            r, start = np.zeros_like(warm), "zero"
-        result = solved(reduction, name, r, tol=tol, floor=settings.least_motion, **options)
-        attempts.append(Attempt(name, start, result.status.value, result.error, result.iterations, share, tol))
-        if result.solved:
-            return result
-        if np.all(np.isfinite(result.r)):
-            r, start = result.r, "the last answer"
-    return None
+@dataclass(frozen=True, eq=False)
+class Chain:
+    """The solvers that try a problem one after the other, and where it is noted what they made of it.
+
+    settings: the solvers; share: of the step that the problem is of; attempts: what is tried is added to them
+    serves: whether what `auto` leaves of up to 128 contacts serves the next problems, not so where all bodies are rigid
+    """
+
+    settings: SolverSettings
+    share: float
+    attempts: list[Attempt]
+    serves: bool = True
+
+    def solve(
+        self, reduction: Reduction, warm: FloatArray, tol: float, kept: Memory | None, lead: Lead
+    ) -> tuple[Result | None, Memory | None]:
+        """Return the first answer below `tol`, None where no link reaches it, and what the chain leaves for the next problem.
+
+        warm (m,): where the first link begins; kept: what the problem before left; lead: who begins.
+        """
+        settings = self.settings
+        links: list[tuple[str, str, Mapping[str, object]]] = [(settings.name, "previous steps", settings.options)]
+        if lead.steps:
+            links.insert(0, (lead.solver, "previous steps", {}))
+        if np.any(warm):
+            links.append((settings.name, "zero", settings.options))
+        links += [(name, "zero", {}) for name in settings.fallback if name != settings.name]
+        solved: Callable[..., Result] = solve  # which checks the options
+        few = not self.serves and reduction.problem.nc <= CONTACTS
+        for k, (name, start, options) in enumerate(links):
+            r = warm if start == "previous steps" else None
+            serving = None if few and name == "auto" else kept  # without a memory it passes its compiled front door
+            result = solved(reduction, name, r, tol=tol, floor=settings.least_motion, memory=serving, **options)
+            kept = kept if serving is None else result.memory
+            self.note(name, start, result, tol, leads=k == 0 and lead.steps > 0)
+            if result.solved:
+                return replace(result, memory=None), kept
+            if result.status is Status.EXHAUSTED:
+                break
+        return None, kept
+
+    def solve_rolling(self, reduction: RollingReduction, warm: FloatArray, tol: float) -> Result | None:
+        """As `solve` on the cone of rolling friction: the settings' solver where it has this cone, then `ROLLING`, the short ones from
+        where the one before ended, the long ones from zero."""
+        settings = self.settings
+        own = [(settings.name, dict(settings.options))] if 5 in method(settings.name).dimensions else []
+        r, start = warm, "previous steps" if np.any(warm) else "zero"
+        solved: Callable[..., Result] = solve_rolling  # which checks the options
+        for name, options in (*own, *ROLLING):
+            if not options and name != settings.name:
+                r, start = np.zeros_like(warm), "zero"
+            result = solved(reduction, name, r, tol=tol, floor=settings.least_motion, **options)
+            self.note(name, start, result, tol)
+            if result.solved:
+                return result
+            if np.all(np.isfinite(result.r)):
+                r, start = result.r, "the last answer"
+        return None
+
+    def note(self, name: str, start: str, result: Result, tol: float, *, leads: bool = False, status: str | None = None) -> None:
+        """Add an attempt by the solver `name`; status: where it is not the result's."""
+        status = result.status.value if status is None else status
+        self.attempts.append(Attempt(name, start, status, result.error, result.iterations, self.share, tol, leads))
+
+
+def given_up(attempts: Sequence[Attempt]) -> bool:
+    """Whether a step is not to be cut any further: twice all the effort was spent that such a problem is worth, on the step and on its
+    first part, so that the end comes after a time that is bounded."""
+    return sum(attempt.status == Status.EXHAUSTED.value for attempt in attempts) > 1
 
 
 MET = 1e-12  # tolerance that solvers meet in double precision, see `longest_flight`

@@ -21,7 +21,7 @@ from fcsim.problem.reduction import Reduction
 from fcsim.problem.rolling import GlobalRollingProblem
 from fcsim.ranks import elementwise
 from fcsim.solvers import Memory, Result
-from fcsim.timestep.chain import Attempt, Clock, Lead, SolverSettings
+from fcsim.timestep.chain import Attempt, Chain, Clock, Lead, SolverSettings
 from fcsim.timestep.encounter import Encounter
 from fcsim.timestep.links.linked import Linked
 from fcsim.timestep.reactions.reactions import Reactions
@@ -232,3 +232,7 @@ class StepSolver:
     extent: float
     attempts: list[Attempt]
     clock: Clock
+
+    def chain(self, equation: Equation) -> Chain:
+        """What solves the equation's problems."""
+        return Chain(self.settings, equation.share, self.attempts, serves=equation.model.n_elastic > 0)

@@ -34,7 +34,7 @@ from fcsim.contact_detection.contacts import Contacts
 from fcsim.problem import GlobalProblem
 from fcsim.problem.reduction import Reduction
 from fcsim.solvers import Result
-from fcsim.timestep.chain import Attempt, Lead, SolverSettings, solve_chain
+from fcsim.timestep.chain import Attempt, Chain, Lead, SolverSettings
 from fcsim.timestep.encounter import Anew, Encounter
 from fcsim.timestep.reactions.reactions import carried, carried_in_space
 from fcsim.timestep.reactions.warm_start import warm_start
@@ -186,7 +186,7 @@ class _Newton:
             if once:
                 result = contacts_once(reduction, equation, now.v, warm, settings, allowed)
                 break
-            result, serving = solve_chain(settings, reduction, warm, allowed, equation.share, tried, past.serving, lead)
+            result, serving = Chain(settings, equation.share, tried).solve(reduction, warm, allowed, past.serving, lead)
             if result is not None:
                 break
         return Posed(equation, problem, reduction, warm, result, tried, serving, least)

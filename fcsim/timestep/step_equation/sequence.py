@@ -18,7 +18,7 @@ from fcsim.solvers import Memory, Method, method
 from fcsim.solvers.automatic.pause import newton_goes_on
 from fcsim.solvers.automatic.stages import AutomaticOptions
 from fcsim.solvers.newton.options import NewtonOptions
-from fcsim.timestep.chain import MET, Attempt, solve_chain, solve_rolling_chain
+from fcsim.timestep.chain import MET, Attempt
 from fcsim.timestep.encounter import Encounter
 from fcsim.timestep.reactions.expected_motion import with_motion
 from fcsim.timestep.reactions.reactions import Reactions
@@ -49,7 +49,7 @@ def solve_equation(equation: Equation, solver: StepSolver, past: Past) -> tuple[
 def _solved(equation: Equation, solver: StepSolver, past: Past) -> tuple[Answer | None, Past]:
     """`solve_equation` without what it keeps of the motion."""
     settings, attempts, clock = solver.settings, solver.attempts, solver.clock
-    elastic, lead, keeps = equation.elastic, past.lead, equation.model.n_elastic > 0
+    elastic, lead, chain = equation.elastic, past.lead, solver.chain(equation)
     newton = _newton_begins(lead.solver if lead.steps else settings.name, past.serving)
     compliance = _beginning(equation, method(settings.name), first=not lead.steps, late=newton)
     term, mixing, start, r = _first_term(elastic), Mixing(), None, np.empty(0)
@@ -67,7 +67,7 @@ def _solved(equation: Equation, solver: StepSolver, past: Past) -> tuple[Answer 
             if isinstance(problem, GlobalProblem) and not lead.steps and follows(settings, elastic):
                 followed = FollowedLoad(equation, problem, reduction, load)
                 asked = partial(_tolerance, settings.tol, extent=solver.extent, equation=equation)
-                result, serving = solve_followed(followed, settings, r, asked, equation.share, attempts, past.serving)
+                result, serving = solve_followed(followed, chain, r, asked, past.serving)
                 clock.lap("solve")
                 past = replace(past, serving=serving)
                 if result is not None:
@@ -79,9 +79,9 @@ def _solved(equation: Equation, solver: StepSolver, past: Past) -> tuple[Answer 
             compliance = replace(compliance, summed=reduction.local.W if rolling is None else rolling.W)
         clock.lap("assembly")
         if rolling is None:
-            result, serving = solve_chain(settings, reduction, r, tol, equation.share, attempts, past.serving, lead, keeps=keeps)
+            result, serving = chain.solve(reduction, r, tol, past.serving, lead)
         else:
-            result, serving = solve_rolling_chain(settings, rolling, r, tol, equation.share, attempts), past.serving
+            result, serving = chain.solve_rolling(rolling, r, tol), past.serving
         clock.lap("solve")
         past = replace(past, serving=serving)
         if result is None:

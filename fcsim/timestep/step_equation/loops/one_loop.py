@@ -20,7 +20,7 @@ from fcsim.problem.reduction import Reduction
 from fcsim.solvers import Memory, Result, method, solve
 from fcsim.solvers.automatic.pause import passed_over
 from fcsim.solvers.automatic.stages import AutomaticOptions
-from fcsim.timestep.chain import ONE_LOOP, Attempt, SolverSettings
+from fcsim.timestep.chain import ONE_LOOP, Chain, SolverSettings
 from fcsim.timestep.step_equation.equation import Equation
 from fcsim.timestep.step_equation.linearisation import Linearisation
 
@@ -115,16 +115,11 @@ def follows(settings: SolverSettings, elastic: Linearisation) -> bool:
 
 
 def solve_followed(
-    problem: FollowedLoad,
-    settings: SolverSettings,
-    r: FloatArray,
-    allowed: Callable[[Reduction], float],
-    share: float,
-    attempts: list[Attempt],
-    kept: Memory | None,
+    problem: FollowedLoad, chain: Chain, r: FloatArray, allowed: Callable[[Reduction], float], kept: Memory | None
 ) -> tuple[Result | None, Memory | None]:
-    """As `solve_chain` of the settings' solver alone, in one loop: None also where the term has not settled, or where the error is above
+    """As `Chain.solve` by the settings' solver alone, in one loop: None also where the term has not settled, or where the error is above
     what is `allowed` for the last linearisation: the first, far from the motion, may have a q of another size."""
+    settings = chain.settings
     if isinstance(method(settings.name).options, AutomaticOptions) and (rest := passed_over(kept)) is not None:
         return None, rest
     solved: Callable[..., Result] = solve  # which checks the options
@@ -139,5 +134,5 @@ def solve_followed(
     status = result.status.value if within or not result.solved else "did not settle"
     if result.solved or result.iterations:  # `auto` that would not begin with Newton has done nothing
         start = ONE_LOOP if settings.loop == "auto" else "previous steps"
-        attempts.append(Attempt(settings.name, start, status, result.error, result.iterations, share, tol))
+        chain.note(settings.name, start, result, tol, status=status)
     return (replace(result, memory=None) if within else None), result.memory

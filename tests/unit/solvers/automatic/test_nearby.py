@@ -14,7 +14,7 @@ from fcsim.problem import GlobalProblem, LocalProblem
 from fcsim.problem.reduction import reduce
 from fcsim.solvers import Memory, solve
 from fcsim.solvers.automatic import stages
-from fcsim.timestep.chain import NOBODY, Attempt, SolverSettings, solve_chain
+from fcsim.timestep.chain import NOBODY, Attempt, Chain, SolverSettings
 
 Measure = Callable[[LocalProblem, np.ndarray], float]
 
@@ -88,12 +88,12 @@ def test_few_contacts_of_rigid_bodies_pass_the_compiled_front_door_in_steps_too(
     reduction, tried = reduce(given), list[Attempt]()
     memory = Memory.of(np.arange(given.nc))
     monkeypatch.setattr(stages, "Race", lambda *_: pytest.fail("a race begins"))
-    arguments = SolverSettings(), reduction, np.zeros(given.m), 1e-8, 1.0, tried, memory, NOBODY
-    result, kept = solve_chain(*arguments, keeps=False)
+    arguments = reduction, np.zeros(given.m), 1e-8, memory, NOBODY
+    result, kept = Chain(SolverSettings(), 1.0, tried, serves=False).solve(*arguments)
     assert result is not None and error_of(reduction.local, result.r) <= 1.001e-8
     assert kept is memory and tried[0].status == "solved"
     with pytest.raises(pytest.fail.Exception, match="a race begins"):
-        solve_chain(*arguments)
+        Chain(SolverSettings(), 1.0, tried).solve(*arguments)
 
 
 @pytest.mark.parametrize("across", [3, 4, 5])
