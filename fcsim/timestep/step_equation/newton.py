@@ -40,7 +40,7 @@ from fcsim.timestep.reactions.reactions import carried, carried_in_space
 from fcsim.timestep.reactions.warm_start import warm_start
 from fcsim.timestep.step import Linearised
 from fcsim.timestep.step_equation.equation import Answer, Equation, Past, StepSolver
-from fcsim.timestep.step_equation.inner_term import InnerTerm, Term
+from fcsim.timestep.step_equation.inner_term import InnerTerm
 from fcsim.timestep.step_equation.linearisation import TOLERANCE as LINEAR_TOLERANCE
 from fcsim.timestep.step_equation.loops.going_round import goes_round
 from fcsim.timestep.step_equation.loops.iterate import Iterate, KeptFactor, Posed
@@ -85,19 +85,23 @@ def solve_nonlinear(equation: Equation, solver: StepSolver, past: Past, anew: An
 
 
 class _Newton:
+    """The iterations of one step.
+
+    in_space: whether trials are measured with the contacts of their problem, and reactions go on as vectors in space: at the kink between
+    two facets its reaction lies between their normals, and which of them has how much of it may change.
+    """
+
     def __init__(self, equation: Equation, solver: StepSolver, anew: Anew | None, *, in_space: bool = False) -> None:
-        """in_space: whether trials are measured with the contacts of their problem, and reactions go on as vectors in space: at the kink
-        between two facets its reaction lies between their normals, and which of them has how much of it may change."""
         self.equation, self.solver, self.anew, self.in_space = equation, solver, anew, in_space
         self.inner = InnerTerm(equation.scheme, equation.model, equation.state)
-        self.began = equation.met
-        self.done: list[Linearised] = []
-        self.start: FloatArray | None = None
-        self.passed: Contacts | None = None
-        self.foreseen, self.ceiling = False, 0.0
-        self.sizes: list[float] = []
-        self.tighter = 1.0
-        self.least = 0.0
+        self.done: list[Linearised] = []  # the problems so far
+        self.sizes: list[float] = []  # residuals of the bodies at the answers, over what is allowed
+        self.start: FloatArray | None = None  # where the first of them began (m,)
+        self.passed: Contacts | None = None  # contacts that are met on the way
+        self.foreseen = False  # whether the last tangent is of foreseen stresses, see `positive_factor`
+        self.ceiling = 0.0  # residual that the iterate after such a tangent may have, see `_way`
+        self.tighter = 1.0  # of the solver's tolerance, see `TIGHTER`
+        self.least = 0.0  # share of the bodies' first stiffness that is added at least, see `further_share`
 
     def solve(self, past: Past) -> tuple[Answer | None, Past]:
         """See `solve_nonlinear`."""
@@ -253,25 +257,25 @@ class _Newton:
             return replace(equation, bent=bent, slanted=None), bent @ now.v
         return positive or (replace(equation, slanted=None), pushed)
 
-    def residual(self, equation: Equation, v: FloatArray, r: FloatArray, term: Term, l: FloatArray, push: FloatArray | float) -> FloatArray:
+    def residual(self, equation: Equation, at: Iterate) -> FloatArray:
         """R(v, r) (n_dofs,), of the forces G l of links too, zero at driven dofs."""
-        factor, met = equation.factor, equation.met
-        R = factor.apply(v) - factor.apply_tangents(v) + term.force + self._linear(v) - equation.rest - push - met.impulse(r)
+        factor, met, v = equation.factor, equation.met, at.v
+        R = factor.apply(v) - factor.apply_tangents(v) + at.term.force + self._linear(v) - equation.rest - at.push - met.impulse(at.r)
         if equation.linked is not None:
-            R = R - equation.linked.G @ l
+            R = R - equation.linked.G @ at.l
             bending = equation.linked.bending
             R = R if bending is None else R + bending.B @ (v - bending.v)
         return R - equation.model.driven_share(R)
 
-    def _relative(self, equation: Equation, v: FloatArray, r: FloatArray, term: Term, l: FloatArray, push: FloatArray | float) -> float:
+    def _relative(self, equation: Equation, at: Iterate) -> float:
         """Largest residual of a body over what is allowed."""
         elastic = equation.elastic
-        allowed = TOLERANCE / LINEAR_TOLERANCE * elastic.allowed(equation.rest, term.force, push)
-        return float((elastic.norms(self.residual(equation, v, r, term, l, push)) / allowed).max(initial=0.0))
+        allowed = TOLERANCE / LINEAR_TOLERANCE * elastic.allowed(equation.rest, at.term.force, at.push)
+        return float((elastic.norms(self.residual(equation, at)) / allowed).max(initial=0.0))
 
     def _stands(self, equation: Equation, new: Iterate, result: Result) -> bool:
         """Whether the contacts of the last problem, which are those of the step, balance its answer too: they are where it began."""
-        return self.anew is None or self._relative(equation, new.v, result.r, new.term, new.l, new.push) <= STANDS
+        return self.anew is None or self._relative(equation, replace(new, r=result.r)) <= STANDS
 
     def _way(self, equation: Equation, now: Iterate, v: FloatArray, result: Result, own: bool) -> tuple[Iterate, float, Encounter] | None:
         """How far to go from the iterate towards the answer v (n_dofs,), r: all the way where the residual, with contacts as they are
@@ -295,13 +299,13 @@ class _Newton:
                 new, left = self._moved(replace(equation, met=met), equation.met, there)
                 found, size = (new, length, met), new.residual
                 if self.in_space:
-                    size = self._relative(equation, w, r, term, l, there.push)
+                    size = self._relative(equation, there)
                 elif left.any():  # goes on pressing here: contacts that are passed are seen on the way only
-                    size = self._relative(replace(equation, met=met), w, new.r, term, l, there.push + equation.met.impulse(left))
+                    size = self._relative(replace(equation, met=met), replace(new, push=there.push + equation.met.impulse(left)))
                 gone = self.anew is not None and self._loses(met, w)
                 if jammed or (size <= max(1.0, now.residual, self.ceiling) and not gone):
                     return found
-                if free and not gone and leads_on(factor, self.residual(equation, w, r, term, l, there.push), v - now.v, length):
+                if free and not gone and leads_on(factor, self.residual(equation, there), v - now.v, length):
                     return found
                 size = np.finfo(float).max if gone else size  # in equilibrium or not: only where there is nothing else
                 best, least = (found, size) if size < least else (best, least)
@@ -311,7 +315,7 @@ class _Newton:
     def _loses(self, met: Encounter, v: FloatArray) -> bool:
         """Whether contacts of the step's beginning are lost where `met` ones are found, at v (n_dofs,)."""
         model, x = self.equation.model, self.equation.state.x
-        return lost(model, self.began, met.contacts, model.positions(x), model.positions(model.advance(x, v))) is not None
+        return lost(model, self.equation.met, met.contacts, model.positions(x), model.positions(model.advance(x, v))) is not None
 
     def _more(self, equation: Equation, now: Iterate, v: FloatArray) -> Encounter | None:
         """The contacts of the iterate with those that the way to the answer v (n_dofs,) passes; None where it passes no others."""
@@ -324,7 +328,8 @@ class _Newton:
         """The iterate with its reactions at the contacts as they are found there, and the residual with these; what of them has none."""
         carry = carried_in_space if self.in_space else carried
         r, left = (new.r, np.zeros(0)) if equation.met is earlier else carry(earlier.contacts, new.r, equation.met.contacts)
-        return replace(new, r=r, residual=self._relative(equation, new.v, r, new.term, new.l, new.push)), left
+        carried_on = replace(new, r=r)
+        return replace(carried_on, residual=self._relative(equation, carried_on)), left
 
     def _answer(self, equation: Equation, reduction: Reduction, new: Iterate, result: Result) -> Answer:
         """The answer; its right side is that of the nonlinear equation, so that what supports take is what they take of it."""
