@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Unpack
 
 import numpy as np
 
 from fcsim.contact_detection import Everything
 from fcsim.errors import InputError
 from fcsim.files import sha256
-from fcsim.masonry.models import MODELS, read_model
+from fcsim.masonry.models import MODELS, ModelOptions, read_model
 from fcsim.masonry.problem import MasonryProblem
 from fcsim.masonry.pushes import pushed, tilted
 from fcsim.masonry.structure import BlocksAre, Stone, free_nodes, structure
@@ -51,22 +52,14 @@ class Parameters:
     tol: float = 1e-8
 
 
-def masonry_case(
-    path: str | Path,
-    mu: float | None = None,
-    *,
-    density: float | None = None,
-    scale: float | None = None,
-    supports: Sequence[str] = (),
-    array: str | None = None,
-) -> CaseScript:
-    """Return the case of a file of blocks, for `fcsim.running.run.run_case`, as a script's; the other arguments: see `read_model`."""
+def masonry_case(path: str | Path, **options: Unpack[ModelOptions]) -> CaseScript:
+    """Return the case of a file of blocks, for `fcsim.running.run.run_case`, as a script's; options: see `read_model`."""
     path = Path(path)
     if not path.is_file():
         raise InputError(f"case {str(path)!r}: expected a model of blocks, found no such file")
 
     def built(parameters: Parameters) -> Case:
-        return build(read_model(path, mu=mu, density=density, scale=scale, supports=supports, array=array), parameters)
+        return build(read_model(path, **options), parameters)
 
     return CaseScript(path.stem, path, Parameters, built, sha256(path))
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import TypedDict
 
 from fcsim.arrays import is_number
 from fcsim.brief import shown
@@ -19,6 +20,16 @@ from fcsim.mesh.solids.surface_file import FORMATS as SURFACES
 
 MODELS = (".json", *SURFACES, *MESHES)
 """The files that hold blocks."""
+
+
+class ModelOptions(TypedDict, total=False):
+    """What `read_model` is told besides the file."""
+
+    mu: float | None
+    density: float | None
+    scale: float | None
+    supports: Sequence[str]
+    array: str | None
 
 
 def read_model(

@@ -11,6 +11,7 @@ from fcsim.errors import InputError
 
 if TYPE_CHECKING:
     from fcsim.masonry import MasonryProblem
+    from fcsim.masonry.models import ModelOptions
     from fcsim.masonry.structure import Stone
 
 AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
@@ -47,9 +48,18 @@ def read(options: argparse.Namespace) -> MasonryProblem:
     """The problem of the file that the options name."""
     from fcsim.masonry import read_model
 
-    return read_model(
-        options.model, mu=options.mu, density=options.density, scale=options.scale, supports=options.support, array=options.array
-    )
+    return read_model(options.model, **model_options(options))
+
+
+def model_options(options: argparse.Namespace) -> ModelOptions:
+    """What `add_model` asks besides the file."""
+    return {
+        "mu": options.mu,
+        "density": options.density,
+        "scale": options.scale,
+        "supports": options.support,
+        "array": options.array,
+    }
 
 
 def add_stone(command: argparse.ArgumentParser) -> None:

@@ -7,7 +7,7 @@ import math
 from typing import TYPE_CHECKING
 
 from fcsim.command_line.masonry.analysis import print_analysis
-from fcsim.command_line.masonry.arguments import AXES, add_export, direction, read, stone
+from fcsim.command_line.masonry.arguments import AXES, add_export, direction, model_options, read, stone
 from fcsim.command_line.masonry.branch import RESOLUTION, push_by_displacement
 from fcsim.command_line.terminal import say
 from fcsim.errors import InputError
@@ -152,9 +152,7 @@ def _run_collapse(options: argparse.Namespace, loading: dict[str, str], duration
         **_as_run(options),
     }
     summary = run_case(
-        masonry_case(
-            options.model, options.mu, density=options.density, scale=options.scale, supports=options.support, array=options.array
-        ),
+        masonry_case(options.model, **model_options(options)),
         assignments,
         options.out / "run",
         RunOptions(export_every=0, vtk_every=5),
