@@ -12,7 +12,9 @@ from fcsim.arrays import FloatArray, is_number
 from fcsim.assembly.kinematics.following import When
 from fcsim.assembly.model import Model
 from fcsim.brief import shown
+from fcsim.contact_detection import Detection
 from fcsim.contact_law.law import Law, Timing
+from fcsim.contact_law.proportions import Proportions
 from fcsim.errors import InputError
 from fcsim.mesh.part import Kinematics
 from fcsim.ranks import elementwise
@@ -146,6 +148,17 @@ class Scheme(Protocol):
     def energy(self, model: Model, before: State, after: State, acting: Acting, support: FloatArray) -> Energy:
         """Return the balance of energy of the step; support (n_dofs,) as in `Step.support_impulse`."""
         ...
+
+
+@dataclass(frozen=True, eq=False)
+class StepSetup:
+    """What a step or part of one is computed with: bodies, what finds their contacts, the scheme of the part's length, and the sizes of
+    the bodies, to which lengths of contact are relative."""
+
+    model: Model
+    detection: Detection
+    scheme: Scheme
+    proportions: Proportions
 
 
 @dataclass(frozen=True)

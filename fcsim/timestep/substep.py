@@ -29,7 +29,7 @@ from fcsim.timestep.links.linked import linked
 from fcsim.timestep.links.mechanisms import unstable
 from fcsim.timestep.reactions.drift import drift_of
 from fcsim.timestep.reactions.warm_start import MEMORY
-from fcsim.timestep.scheme import Scheme
+from fcsim.timestep.scheme import Scheme, StepSetup
 from fcsim.timestep.state import State, updated
 from fcsim.timestep.step import Moment, Step
 from fcsim.timestep.step_equation.closing import Closing, closing
@@ -151,6 +151,10 @@ class Substep:
         """The part of a step that is halved so often."""
         return cls(run, run.scheme.cut(2**cuts) if cuts else run.scheme, cuts, clock, attempts)
 
+    @cached_property
+    def setup(self) -> StepSetup:
+        return StepSetup(self.run.model, self.run.detection, self.scheme, self.run.proportions)
+
     def after(self, start: Moment, kept: dict[int, Memory] | None, anchor: Moment) -> Step | None:
         """The step from a moment on; None where it has no answer, and is to be cut. kept: see `Simulation.step`."""
         if (opened := self._opened(start, kept)) is None or (solved := self._solved(opened, kept)) is None:
@@ -159,7 +163,7 @@ class Substep:
         when, positions = self._when(opened.start, solved.after.t), partial(run.model.positions, solved.after.x)
         answer.met.refuse_driven(run.model, answer.v, when, lambda: run.detection(positions()))
         began = opened.equation.met
-        end = at_end(run.model, run.detection, self.scheme, began, answer.met, solved.after, state, solved.settled)
+        end = at_end(self.setup, (state, solved.after), began, answer.met, settled=solved.settled)
         if end.too_long(self.cuts, run.cuttings, self.attempts, run.solver.tol):
             return None
         return self._ended(opened, solved, anchor, end)
@@ -185,7 +189,7 @@ class Substep:
         elastic = Linearisation(scheme, model, state, past.serving)
         factor = run.system(scheme).with_rigid_mass(rigid_mass).turned(elastic.rotation)
         driven, links = scheme.driven(model, state), closing(linked(run.linkage, model, scheme, state), model, scheme, state, run.extent)
-        borne = borne_at_first(model, run.detection, scheme, met)
+        borne = borne_at_first(self.setup, met)
         equation = Equation(scheme, model, state, met, factor, rest, driven, elastic, 0.5**self.cuts, links.rows, borne=borne)
         return _Opened(start, impact, equation, past, links, rigid_mass, whole_per_part)
 
@@ -195,13 +199,13 @@ class Substep:
         run, scheme = self.run, self.scheme
         if scheme.h <= start.seen:
             return start, None
-        if passes(run.model, run.detection, scheme, start, run.proportions, self.cuts == run.cuttings):
+        if passes(self.setup, start, shortest=self.cuts == run.cuttings):
             return None
 
         def solve(equation: Equation, past: Past) -> tuple[Answer | None, Past]:
             return solve_equation(equation, StepSolver(run.settings(start.state.t), run.extent, self.attempts, Clock()), past)
 
-        made = struck(run.model, run.detection, scheme, start, run.proportions, run.linkage, run.system, solve)
+        made = struck(self.setup, start, run.linkage, run.system, solve)
         return (start, None) if made is None else (replace(start, state=made.state), made.energy)
 
     def _met(self, start: Moment) -> Encounter | None:
@@ -240,7 +244,7 @@ class Substep:
                 past = past.of_the_same_step(met.contacts, met.contacts, result.r)
                 equation = replace(equation, met=met, linked=links.rows)
                 continue
-            ahead = looked_ahead(model, run.detection, scheme, state, met, v, after) if looks < ROUNDS else None
+            ahead = looked_ahead(self.setup, state, met, v, after) if looks < ROUNDS else None
             self.clock.lap("detection")
             if ahead is None and equation.elastic.heavier and self._unstable(equation, answer, after):
                 return None
@@ -248,7 +252,7 @@ class Substep:
                 return _Solved(answer, past, impulse, after, looks < ROUNDS)
             seen, met, looks = met, ahead or met, looks + (ahead is not None)
             past = past.of_the_same_step(seen.contacts, met.contacts, result.r)
-            borne = borne_at_first(model, run.detection, scheme, met, seen) if equation.borne and looks < ROUNDS else 0.0
+            borne = borne_at_first(self.setup, met, seen) if equation.borne and looks < ROUNDS else 0.0
             equation = replace(equation, met=met, linked=links.rows, borne=borne)
 
     def _unstable(self, equation: Equation, answer: Answer, after: State) -> bool:

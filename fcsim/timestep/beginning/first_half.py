@@ -12,32 +12,31 @@ import numpy as np
 
 from fcsim.arrays import IntArray
 from fcsim.assembly.model import Model
-from fcsim.contact_detection import Detection
 from fcsim.contact_detection.contacts import Contacts
-from fcsim.contact_law.proportions import Proportions
 from fcsim.errors import InputError
-from fcsim.timestep.scheme import Scheme
+from fcsim.timestep.scheme import Scheme, StepSetup
 from fcsim.timestep.state import State
 from fcsim.timestep.step import Moment
 
 _SHARE = 1e-3  # of the smaller body: less is not passed through
 
 
-def passes(model: Model, detection: Detection, scheme: Scheme, start: Moment, proportions: Proportions, shortest: bool) -> bool:
+def passes(setup: StepSetup, start: Moment, *, shortest: bool) -> bool:
     """Whether bodies pass each other before the contacts of the step are detected: it is to be cut. InputError where it is the `shortest`
     already."""
-    met = passed_unseen(model, detection, scheme, start.state, proportions)
+    met = passed_unseen(setup, start.state)
     if met is not None and shortest:
-        refuse_passing(model, detection, scheme, start.state, met, f"step {start.number}, t = {start.state.t:.6g} s")
+        refuse_passing(setup, start.state, met, f"step {start.number}, t = {start.state.t:.6g} s")
         return False
     return met is not None
 
 
-def passed_unseen(model: Model, detection: Detection, scheme: Scheme, state: State, proportions: Proportions) -> Contacts | None:
+def passed_unseen(setup: StepSetup, state: State) -> Contacts | None:
     """Return what closes on the way from the state to the configuration of detection and is not seen there; None where there is nothing.
 
     Contacts of bodies that have none at all there come first.
     """
+    model, detection, scheme, proportions = setup.model, setup.detection, setup.scheme, setup.proportions
     if scheme.way(model, state) is None:
         return None
     here, ahead = (model.positions(x) for x in (state.x, scheme.detection_configuration(model, state)))
@@ -56,9 +55,10 @@ def passed_unseen(model: Model, detection: Detection, scheme: Scheme, state: Sta
     return met.take(np.argsort(~apart, kind="stable")) if len(met) else None
 
 
-def refuse_passing(model: Model, detection: Detection, scheme: Scheme, state: State, met: Contacts, when: str) -> None:
+def refuse_passing(setup: StepSetup, state: State, met: Contacts, when: str) -> None:
     """InputError where the bodies of the first contact have none in the configuration of detection: they would go through each other."""
-    seen = detection(model.positions(scheme.detection_configuration(model, state)))
+    model, scheme = setup.model, setup.scheme
+    seen = setup.detection(model.positions(scheme.detection_configuration(model, state)))
     if np.isin(_pair(met, len(model.bodies))[0], _pair(seen, len(model.bodies))):
         return  # they are held, in another place
     one, other = (model.bodies[int(body)].name for body in met.bodies[0])

@@ -26,15 +26,13 @@ import numpy as np
 from fcsim.arrays import FloatArray
 from fcsim.assembly.compliance import SystemFactor
 from fcsim.assembly.model import Model
-from fcsim.contact_detection import Detection
-from fcsim.contact_law.proportions import Proportions
 from fcsim.linkage import Linkage
 from fcsim.timestep.beginning.agreement import forbids, held_at_once, without_contacts
 from fcsim.timestep.chain import NOBODY
 from fcsim.timestep.encounter import Encounter, Told, encounter
 from fcsim.timestep.energy import Acting, Energy, contact_work, momentum
 from fcsim.timestep.links.linked import Linked
-from fcsim.timestep.scheme import Scheme
+from fcsim.timestep.scheme import Scheme, StepSetup
 from fcsim.timestep.state import State
 from fcsim.timestep.step import Moment
 from fcsim.timestep.step_equation.equation import Answer, Equation, Past
@@ -80,11 +78,8 @@ class Struck:
 
 
 def struck(
-    model: Model,
-    detection: Detection,
-    scheme: Scheme,
+    setup: StepSetup,
     start: Moment,
-    proportions: Proportions,
     linkage: Linkage | None,
     factor: Callable[[Scheme], SystemFactor],
     solve: Callable[[Equation, Past], tuple[Answer | None, Past]],
@@ -94,23 +89,24 @@ def struck(
     factor: of a scheme's system matrix in the reference configuration; solve: as `solve_equation`. There is no impact in a state that the
     generalised-alpha scheme has left, which moves by more than v.
     """
-    state, timing = start.state, scheme.timing
+    model, scheme, state, timing = setup.model, setup.scheme, start.state, setup.scheme.timing
     ahead = timing.h * (1 - timing.theta)
     if state.rate is not None or scheme.way(model, state) is None or not state.v.any():
         return None
     impact = Impact(h=ahead or timing.h, law=scheme.law)
+    of_impact = replace(setup, scheme=impact)
     rows = held_at_once(linkage, state)
     forbidden = rows is not None and not start.seen and forbids(rows, model, state)
     if ahead <= 0 and not forbidden:
         return None
-    met = encounter(model, detection, impact, state, Told(proportions, start.variables, linkage=linkage))
+    met = encounter(model, setup.detection, impact, state, Told(setup.proportions, start.variables, linkage=linkage))
     bent = None
     if ahead <= 0 or not len(met.contacts) or not met.keeps_apart(scheme.law):
         if not forbidden:
             return None
         met = without_contacts(model, impact, state, met)
     else:
-        bent = looked_ahead(model, detection, impact, state, met, state.v, impact.moved(model, state, state.v))
+        bent = looked_ahead(of_impact, state, met, state.v, impact.moved(model, state, state.v))
         if bent is None and not forbidden and not _approaches(met, impact, state.v):
             return None
     met, past = bent or met, Past((), NOBODY, None)
@@ -123,7 +119,7 @@ def struck(
             return None
         there = impact.moved(model, state, answer.v)
         looking = looks < ROUNDS and len(met.contacts) > 0
-        later = looked_ahead(model, detection, impact, state, met, answer.v, there) if looking else None
+        later = looked_ahead(of_impact, state, met, answer.v, there) if looking else None
         if later is None:
             return Struck(replace(state, v=answer.v), _energy(model, state, answer, rows))
         past, looks = past.of_the_same_step(met.contacts, later.contacts, answer.result.r), looks + 1

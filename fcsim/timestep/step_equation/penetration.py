@@ -7,13 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from fcsim.arrays import FloatArray
-from fcsim.assembly.model import Model
 from fcsim.contact_detection import Detection, Everything, innermost
 from fcsim.contact_detection.contacts import Contacts
 from fcsim.contact_detection.sweep import bounded
 from fcsim.timestep.chain import Attempt
 from fcsim.timestep.encounter import Encounter
-from fcsim.timestep.scheme import Scheme
+from fcsim.timestep.scheme import StepSetup
 from fcsim.timestep.state import State
 from fcsim.timestep.step_equation.look_ahead.lengths import moves
 from fcsim.timestep.step_equation.loops.lost_contacts import Lost, lost
@@ -44,10 +43,9 @@ class AtEnd:
         return self.lost is not None or (self.sinks and cuts < min(CUTS, cuttings))
 
 
-def at_end(
-    model: Model, detection: Detection, scheme: Scheme, began: Encounter, met: Encounter, after: State, before: State, settled: bool
-) -> AtEnd:
-    """Look at the end of a step that began with the contacts `began` in the state `before`; settled: looking ahead came to its end.
+def at_end(setup: StepSetup, ends: tuple[State, State], began: Encounter, met: Encounter, *, settled: bool) -> AtEnd:
+    """Look at the end of a step from the one of `ends` to the other, that began with the contacts `began` and ended with `met`; settled:
+    looking ahead came to its end.
 
     Contacts are kept where they are detected, at x_m and x_m', on the motion that `look_ahead` foresees. In between, at the end of the
     step, what turns by omega h lies deeper by up to R (omega h)^2 / 8; where many contacts bend at once, looking ahead may end before
@@ -56,6 +54,7 @@ def at_end(
     for all contacts, has its steps cut: with listed surfaces a step is what its scheme makes of them, the depth between its contacts'
     instants and its end included.
     """
+    model, detection, scheme, (before, after) = setup.model, setup.detection, setup.scheme, ends
     positions = model.positions(after.x)
     if not scheme.timing.moving:
         found = detection(positions)

@@ -27,15 +27,14 @@ from functools import reduce
 import numpy as np
 
 from fcsim.arrays import BoolArray, FloatArray
-from fcsim.assembly.model import Model
-from fcsim.contact_detection import Detection, Everything, innermost
+from fcsim.contact_detection import Everything, innermost
 from fcsim.contact_detection.contacts import join
 from fcsim.contact_detection.sweep import brought_back
 from fcsim.contact_law.law import Implicit
 from fcsim.linear.sparse._vectors_kernels import farthest
 from fcsim.ranks import largest
 from fcsim.timestep.encounter import Encounter, asked_again
-from fcsim.timestep.scheme import Scheme
+from fcsim.timestep.scheme import StepSetup
 from fcsim.timestep.state import State
 from fcsim.timestep.step_equation.look_ahead.lengths import BORNE, THROWN, moves, of_other_facets, places, rolled_back, turns
 from fcsim.timestep.step_equation.look_ahead.load_steps import came_together
@@ -62,14 +61,12 @@ _TURNED_ASIDE = 2e-3
 """Of the smallest body: velocities that impacts change by less than this over the step bring no new contact about."""
 
 
-def looked_ahead(
-    model: Model, detection: Detection, scheme: Scheme, state: State, met: Encounter, v: FloatArray, after: State
-) -> Encounter | None:
+def looked_ahead(setup: StepSetup, state: State, met: Encounter, v: FloatArray, after: State) -> Encounter | None:
     """Return the encounter of a step with what its answer v (n_dofs,) and the state after it show; None where all is as it was meant."""
-    timing = scheme.timing
+    model, detection, scheme, timing = setup.model, setup.detection, setup.scheme, setup.scheme.timing
     if not timing.moving:
-        return came_together(model, detection, scheme, state, met, after)
-    if not (_found_late(model, detection, scheme, met, after) or _may_miss(model, scheme, state, met, v, after)):
+        return came_together(setup, state, met, after)
+    if not (_found_late(setup, met, after) or _may_miss(setup, state, met, v, after)):
         return None
     held = met.meeting.contacts
     positions = model.positions(scheme.detection_configuration(model, after))
@@ -105,7 +102,7 @@ def _glued(met: Encounter) -> BoolArray:
     return adhesion[:, 0] > 0
 
 
-def borne_at_first(model: Model, detection: Detection, scheme: Scheme, met: Encounter, seen: Encounter | None = None) -> float:
+def borne_at_first(setup: StepSetup, met: Encounter, seen: Encounter | None = None) -> float:
     """The residual [m/s] that each contact of `met` may have at an answer which says where to look, 0 where it is to be the step's own.
 
     seen: the encounter before it, None where it is the first. Between rigid bodies whose joints have stiffness most steps are solved
@@ -113,29 +110,31 @@ def borne_at_first(model: Model, detection: Detection, scheme: Scheme, met: Enco
     answers have of them is of no use. Velocities that move no contact by more than a share of what counts show the same contacts. The last
     answer is always one by the settings' tolerance.
     """
-    joints = met.compliance is not None and not isinstance(scheme.law, Implicit)
-    if not joints or model.deformable or not isinstance(innermost(detection), Everything) or not scheme.timing.moving:
+    timing = setup.scheme.timing
+    joints = met.compliance is not None and not isinstance(setup.scheme.law, Implicit)
+    if not joints or setup.model.deformable or not isinstance(innermost(setup.detection), Everything) or not timing.moving:
         return 0.0
     if seen is not None and len(met.contacts) - len(seen.contacts) <= FEW * len(met.contacts):
         return 0.0
-    return MEANT * BORNE * float(met.meeting.proportions.size.min(initial=np.inf)) / scheme.timing.length_per_u
+    return MEANT * BORNE * float(met.meeting.proportions.size.min(initial=np.inf)) / timing.length_per_u
 
 
-def _found_late(model: Model, detection: Detection, scheme: Scheme, met: Encounter, after: State) -> bool:
+def _found_late(setup: StepSetup, met: Encounter, after: State) -> bool:
     """Whether bodies move by a length that counts under a detection of everything: what approaches beside a face, a corner above
     a corner, is its contact when it is there. (It keeps what it finds where the next step begins: looking costs nothing.)"""
-    if not isinstance(innermost(detection), Everything):
+    if not isinstance(innermost(setup.detection), Everything):
         return False
-    return moves(met, model.positions(scheme.detection_configuration(model, after)) - met.meeting.positions)
+    return moves(met, setup.model.positions(setup.scheme.detection_configuration(setup.model, after)) - met.meeting.positions)
 
 
-def _may_miss(model: Model, scheme: Scheme, state: State, met: Encounter, v: FloatArray, after: State) -> bool:
+def _may_miss(setup: StepSetup, state: State, met: Encounter, v: FloatArray, after: State) -> bool:
     """Whether some node leaves the straight way, or the way along which contacts were looked for, by a length that counts; or whether a
     contact slides on a body that turns by so much that its normal is another one."""
+    model, scheme = setup.model, setup.scheme
     h, begin = scheme.timing.h, scheme.detection_configuration(model, state)
     sizes = met.meeting.proportions.size
     smallest = float(sizes.min(initial=np.inf))
-    aside, off, longest = _farthest(model, scheme, state, met, v, after)
+    aside, off, longest = _farthest(setup, state, met, v, after)
     if aside > _TURNED_ASIDE * smallest:
         return True
     counts = 0.5 * BORNE * smallest
@@ -153,9 +152,10 @@ def _may_miss(model: Model, scheme: Scheme, state: State, met: Encounter, v: Flo
     return bool(np.any(slide * angle > counts))  # N . du less N' . du, of nodes that go straight
 
 
-def _farthest(model: Model, scheme: Scheme, state: State, met: Encounter, v: FloatArray, after: State) -> FloatArray:
+def _farthest(setup: StepSetup, state: State, met: Encounter, v: FloatArray, after: State) -> FloatArray:
     """In their largest components (3,) [m]: how far nodes are beside the way along which contacts were looked for, beside the straight way,
     and how long that is. Of deformable bodies each rank looks at some."""
+    model, scheme = setup.model, setup.scheme
     h, d, n = scheme.timing.h, model.dimension, model.n_elastic
     begin, end, way = scheme.detection_configuration(model, state), scheme.detection_configuration(model, after), scheme.way(model, state)
     reference, met_at = model.reference.ravel(), met.meeting.positions.ravel()

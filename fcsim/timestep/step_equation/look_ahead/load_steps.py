@@ -17,7 +17,7 @@ from fcsim.contact_detection.contacts import Contacts, join
 from fcsim.contact_detection.sweep import brought_back
 from fcsim.errors import InputError
 from fcsim.timestep.encounter import Encounter, asked_again
-from fcsim.timestep.scheme import Scheme
+from fcsim.timestep.scheme import StepSetup
 from fcsim.timestep.state import State
 from fcsim.timestep.step_equation.look_ahead.lengths import BORNE, THROWN, moves, of_other_facets, places, rolled_back, turns
 
@@ -39,13 +39,14 @@ _ASKED = 32
 _BODIES = 1 << 31  # more than there are
 
 
-def came_together(model: Model, detection: Detection, scheme: Scheme, state: State, met: Encounter, after: State) -> Encounter | None:
+def came_together(setup: StepSetup, state: State, met: Encounter, after: State) -> Encounter | None:
     """The encounter of a load step of statics with the contacts that it did not begin with and ends in each other; None where none do.
 
     A support or a load may carry a body from afar, beyond where contacts are looked for, into another one or through it: without this
     the step would end without a force. Contacts are those met on the way but what was `_slid_over`, else those of the end, brought back;
     of bodies that touch elsewhere and of one body with itself, too. What nonlinear bodies meet is found at the iterates, see `Anew`.
     """
+    model, detection = setup.model, setup.detection
     if model.nonlinear or not isinstance(innermost(detection), Everything | Detector | ExactContacts):
         return None
     begin, end, held = met.meeting.positions, model.positions(after.x), met.meeting.contacts
@@ -55,11 +56,11 @@ def came_together(model: Model, detection: Detection, scheme: Scheme, state: Sta
     passed = _passed(met, there, end)
     if passed.any():
         released = np.concatenate([released, np.unique(np.sort(held.bodies[passed], axis=1), axis=0)])
-        again = asked_again(model, scheme, state, met, held.take(~passed))
+        again = asked_again(model, setup.scheme, state, met, held.take(~passed))
         return replace(again, ending=met.ending, released=released)
     if isinstance(innermost(detection), ExactContacts) and len(anew := _bent(met, there, begin, end)):
         found = brought_back(rolled_back(detection, there.take(_of_pairs(there, anew)), end, begin), begin)
-        return _with(model, scheme, state, met, held.take(~_of_pairs(held, anew)), found)
+        return _with(setup, state, met, held.take(~_of_pairs(held, anew)), found)
     found, ending = _closed(met, _met_far(model, met, detection, end - begin), end), met.ending
     found = found.take(~_of_pairs(found, ending))
     if len(found):
@@ -74,14 +75,14 @@ def came_together(model: Model, detection: Detection, scheme: Scheme, state: Sta
         found = brought_back(rolled_back(detection, found, end, begin), begin)
     if not len(found):
         return None
-    return replace(_with(model, scheme, state, met, held, found), ending=ending)
+    return replace(_with(setup, state, met, held, found), ending=ending)
 
 
-def _with(model: Model, scheme: Scheme, state: State, met: Encounter, held: Contacts, found: Contacts) -> Encounter:
+def _with(setup: StepSetup, state: State, met: Encounter, held: Contacts, found: Contacts) -> Encounter:
     """The encounter `met` with the contacts `held` of it and those that were `found`."""
     every = join([held, found])
     every = every.take(np.argsort(every.identity, kind="stable"))
-    again = asked_again(model, scheme, state, met, every)
+    again = asked_again(setup.model, setup.scheme, state, met, every)
     return replace(again, ending=met.ending, released=met.released)
 
 
