@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
-from typing import Self
+from typing import NamedTuple, Self
 
 import numpy as np
 
@@ -248,16 +248,23 @@ def given_up(attempts: Sequence[Attempt]) -> bool:
 MET = 1e-12  # tolerance that solvers meet in double precision, see `longest_flight`
 
 
+class StepTimes(NamedTuple):
+    """[s] The beginning and the end of a step, and the beginning of the last part that was tried of it."""
+
+    begin: float
+    end: float
+    part: float
+
+
 def not_converged(
     settings: SolverSettings,
     number: int,
-    times: tuple[float, float, float],
+    times: StepTimes,
     cuttings: int,
     attempts: Sequence[Attempt],
     why: Sequence[str] = (),
 ) -> NotConverged:
-    """The error of step `number` that says what was tried on the last part, and how short that is; times [s]: beginning and end of the
-    step and the beginning of its last part; why: what else is said of the run."""
+    """The error of step `number` that says what was tried on the last part, and how short that is; why: what else is said of the run."""
     begin, end, part = times
     last = attempts[-1]
     tried = "; ".join(map(str, (a for a in attempts[_last_solved(attempts) + 1 :] if a.share == last.share)))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
+from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
@@ -196,15 +197,22 @@ class InnerWork:
     numerical: float = 0.0
 
 
-def inner_work(
-    model: Model, before: State, after: State, dx: FloatArray, middle: tuple[FloatArray, float, float], damped: FloatArray | None
-) -> InnerWork:
-    """The work of a step's inner forces on dx (n_dofs,), those of the configuration x (n_dofs,) that was reached the time dt [s] after the
-    beginning, the share s of the way, middle = (x, dt, s), by what became of it; damped: the velocity (n_dofs,) that was damped."""
+class Instant(NamedTuple):
+    """When within a step inner forces act: in the configuration x (n_dofs,), the time dt [s] and that share of the way after its
+    beginning."""
+
+    x: FloatArray
+    dt: float
+    share: float
+
+
+def inner_work(model: Model, before: State, after: State, dx: FloatArray, acting: Instant, damped: FloatArray | None) -> InnerWork:
+    """The work of a step's inner forces, those at the instant `acting`, on dx (n_dofs,), by what became of it; damped: the velocity
+    (n_dofs,) that was damped."""
     bodies = model.nonlinear
     if not bodies:
         return InnerWork()
-    x, dt, share = middle
+    x, dt, share = acting
     start = before.x, share
     last = bodies.inner(after.x, before.internal, after.t, after.t - before.t)  # which the step has just ended with
     force = bodies.inner(x, before.internal, before.t + dt, dt, start=start).force
@@ -216,9 +224,9 @@ def inner_work(
     return InnerWork((first, last.energy), last.dissipated, viscous, numerical)
 
 
-def inner_force(model: Model, before: State, middle: tuple[FloatArray, float, float], damped: FloatArray) -> FloatArray | float:
+def inner_force(model: Model, before: State, acting: Instant, damped: FloatArray) -> FloatArray | float:
     """The inner forces (n_dofs,) [N] of `inner_work`, viscous ones included; 0 without nonlinear bodies."""
-    bodies, (x, dt, share) = model.nonlinear, middle
+    bodies, (x, dt, share) = model.nonlinear, acting
     return bodies.inner(x, before.internal, before.t + dt, dt, v=damped, start=(before.x, share)).force if bodies else 0.0
 
 

@@ -34,7 +34,7 @@ from fcsim.brief import shown
 from fcsim.contact_law.coulomb import Gap
 from fcsim.contact_law.law import Law, Timing
 from fcsim.errors import InputError
-from fcsim.timestep.energy import Acting, Energy, balance, contact_work, inner_force, inner_work, momentum, pushing, turning
+from fcsim.timestep.energy import Acting, Energy, Instant, balance, contact_work, inner_force, inner_work, momentum, pushing, turning
 from fcsim.timestep.scheme import Dynamic, refuse_law
 from fcsim.timestep.state import State
 from fcsim.timestep.step_equation.end_velocity import end_velocity
@@ -176,10 +176,11 @@ class GeneralisedAlpha(Dynamic):
         first, last = elastic.at(before.x), elastic.at(after.x)
         middle = elastic.at(before.x + alpha_f * (after.x - before.x))
         energies, loss = elastic.energies(first, last)
+        inner = Instant(middle.x, self.elastic_time, alpha_f)
         velocity, drift, strain_work = alpha_f * after.v + (1 - alpha_f) * before.v, np.zeros_like(dx), 0.0
         if model.held.turns:  # what driven rotations leave dx by, see `Theta.energy`
             drift = model.driven_share(after.x - before.x - dx)
-            strain = elastic.force(middle, middle, 1.0) + inner_force(model, before, (middle.x, self.elastic_time, alpha_f), velocity)
+            strain = elastic.force(middle, middle, 1.0) + inner_force(model, before, inner, velocity)
             strain_work = float(drift @ strain)
         if elastic.turning:
             elastic_loss = float((dx + drift) @ elastic.force(middle, middle, 1.0)) - (energies[1] - energies[0])
@@ -203,7 +204,7 @@ class GeneralisedAlpha(Dynamic):
             + turning(model, v0, M0, v1, M1)
             + 0.5 * (float((before.v - v0) @ M0) - float((after.v - v1) @ M1)),
             contact=contact_work(acting, mean),
-            inner=inner_work(model, before, after, dx + drift, (middle.x, self.elastic_time, alpha_f), velocity),
+            inner=inner_work(model, before, after, dx + drift, inner, velocity),
         )
 
     @staticmethod

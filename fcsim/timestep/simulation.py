@@ -22,7 +22,7 @@ from fcsim.linkage import Linkage
 from fcsim.runtime import limited_threads
 from fcsim.solvers import Memory
 from fcsim.timestep.beginning.impact import remark
-from fcsim.timestep.chain import Attempt, Clock, SolverSettings, given_up, not_converged
+from fcsim.timestep.chain import Attempt, Clock, SolverSettings, StepTimes, given_up, not_converged
 from fcsim.timestep.creation import REST, energy_at_rest, refuse_creation
 from fcsim.timestep.limits import NAMED_STRAIN, KinematicsLeft, Limits, refuse_beyond
 from fcsim.timestep.links.linked import refuse_linkage, refuse_unseen_cables
@@ -189,7 +189,7 @@ class Simulation:
             if part is None:
                 if cuts == self.cuttings or given_up(attempts):
                     t, h = after.state.t, self.scheme.h
-                    times, until = (t, t + h, moment.state.t), t + (self.steps - after.number) * h
+                    times, until = StepTimes(t, t + h, moment.state.t), t + (self.steps - after.number) * h
                     why = tuple(doubts(self.model, self.scheme, self.linkage, times, attempts, moment.state, until))
                     why += self._opening(after.state) if moment.number == 1 else ()
                     raise not_converged(self.solver, moment.number, times, cuts, attempts, why)

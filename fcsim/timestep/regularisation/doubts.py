@@ -10,10 +10,11 @@ from fcsim.arrays import FloatArray
 from fcsim.assembly.floating import floating, nodal_stiffness, proposed_eta, stretching_quotient
 from fcsim.assembly.model import Model
 from fcsim.assembly.shares.group_factor import FAINT
+from fcsim.linkage import Linkage
 from fcsim.mesh.material.by_region import AnyMaterial, ByRegion
 from fcsim.mesh.material.law import PointLaw
 from fcsim.solvers import Status
-from fcsim.timestep.chain import Attempt
+from fcsim.timestep.chain import Attempt, StepTimes
 from fcsim.timestep.quasi_static import QuasiStatic
 from fcsim.timestep.scheme import Scheme
 from fcsim.timestep.state import State
@@ -32,13 +33,14 @@ OF_STRAIN = 1.5
 between plates that come together by 0.5 to 30 % of their height need 0.7 to 2, in the mean."""
 _LOOKS = 16  # at what supports do until the end of a run
 ROUNDED = 1.6  # an eta is named by one digit
+_NO_STEP = StepTimes(0.0, 0.0, 0.0)
 
 
 def doubts(
     model: Model,
     scheme: Scheme,
-    linked: object,
-    times: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    linkage: Linkage | None,
+    times: StepTimes = _NO_STEP,
     attempts: Sequence[Attempt] = (),
     state: State | None = None,
     until: float | None = None,
@@ -46,13 +48,12 @@ def doubts(
     """Of statics: plastic bodies under loads that may be beyond their limit load; with eta > 0 bodies whose mass is too faint to keep them
     where they are until contact does.
 
-    linked: links, None or False = none, which may hold it; times [s]: beginning and end of the step and the beginning of its
-    last part; attempts: what was tried, none = nothing is said of plastic bodies; state: the last that was reached, which says what yields;
-    until [s]: the end of the run, None = that of the step.
+    linkage: links, which may hold it; attempts: what was tried, none = nothing is said of plastic bodies; state: the last that was reached,
+    which says what yields; until [s]: the end of the run, None = that of the step.
     """
     if isinstance(scheme, QuasiStatic) and attempts and attempts[-1].solver == "Newton":
         yield from _limit_load(model, times, state)
-    if not isinstance(scheme, QuasiStatic) or not scheme.eta or (linked is not None and linked is not False):
+    if not isinstance(scheme, QuasiStatic) or not scheme.eta or linkage is not None:
         return
     loose = [(eta, number) for number in floating(model) if (eta := _proposed(model, number, scheme.h)) is not None]
     near = any(attempt.status == Status.STAGNATED.value and attempt.error < NEAR for attempt in attempts)
@@ -65,7 +66,7 @@ def doubts(
         )
     yield from _faint_beside(model, scheme, near)
     soft = {number for group in model.groups if group.finite for number in group.members.tolist()}
-    yield from _unstable(model, scheme, [number for _, number in loose if number in soft], times[1] if until is None else until)
+    yield from _unstable(model, scheme, [number for _, number in loose if number in soft], times.end if until is None else until)
 
 
 def _unstable(model: Model, scheme: QuasiStatic, numbers: Sequence[int], until: float) -> Iterator[str]:
@@ -124,26 +125,26 @@ def _proposed(model: Model, number: int, h: float) -> float | None:
     return TENFOLD * eta if laws and eta is not None else eta
 
 
-def _limit_load(model: Model, times: tuple[float, float, float], state: State | None) -> Iterator[str]:
+def _limit_load(model: Model, times: StepTimes, state: State | None) -> Iterator[str]:
     plastic = {body.name for body in model.deformable if _is_plastic(body.part.material)}
-    forces = [np.linalg.norm(model.load(t) - model.driven_share(model.load(t))) for t in times[1:]]
+    forces = [np.linalg.norm(model.load(t) - model.driven_share(model.load(t))) for t in (times.end, times.part)]
     if state is not None and plastic and forces[1] > 0:
         plastic &= {model.bodies[k].name for k in yielding(model, state, float(forces[0] / forces[1]), times)}
     name = next((body.name for body in model.deformable if body.name in plastic), None)
     if name is not None and forces[0] > 0:
         yield (
             f"the loads may be more than plastic body {name!r} can bear (its limit load): the last that it bore are those of "
-            f"t = {times[2]:.6g} s, {forces[1] / forces[0]:.3g} of those at the end of this step; to go on, drive it by supports with a "
+            f"t = {times.part:.6g} s, {forces[1] / forces[0]:.3g} of those at the end of this step; to go on, drive it by supports with a "
             "displacement in place of the load, or give it hardening"
         )
 
 
-def yielding(model: Model, state: State, ratio: float, times: tuple[float, float, float]) -> Iterator[int]:
+def yielding(model: Model, state: State, ratio: float, times: StepTimes) -> Iterator[int]:
     """Numbers of the bodies that have flowed plastically somewhere at `state`, or would where its displacements, in proportion to the
     loads, were those of the end of the step: by `ratio`, > 1 where loads grow. One that is elastic up to its limit load has not before."""
     bodies, x = model.nonlinear, max(ratio, 1.0) * state.x
     with np.errstate(all="ignore"):  # so far from the state that was reached a law may have no answer: nan, which differs too
-        after = bodies.inner(x, state.internal, times[1], times[1] - times[2]).variables
+        after = bodies.inner(x, state.internal, times.end, times.end - times.part).variables
     for (group, part, first), (_, _, last) in zip(bodies.shares(None), bodies.shares(after), strict=True):
         flowed = np.zeros(len(group.members), dtype=bool)
         for (region, begun), (_, now) in zip(part.region_variables(first), part.region_variables(last), strict=True):

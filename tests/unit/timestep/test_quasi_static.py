@@ -194,12 +194,12 @@ def test_the_eta_that_is_proposed_carries_a_block(law: Any, length: float, mass:
         Simulation(model, contact, QuasiStatic(time), 1)
     eta = float(str(told.value).rsplit(" ", 1)[1])
     if law is not Material:  # dead loads that press make a body that nothing holds unstable: the mass has to bear that until contact does
-        text = (*doubts(model, QuasiStatic(time, eta=eta), linked=False),)[-1]
+        text = (*doubts(model, QuasiStatic(time, eta=eta), linkage=None),)[-1]
         eta = float(text.split("has lost its stiffness")[1].split("try eta = ")[1].split(" and")[0])
     *_, last = Simulation(model, contact, QuasiStatic(time, eta=eta), 6)
     assert_allclose(last.contact_force_on(0), [0.0, 0.2 * 1e5 * pascal * length], rtol=1e-5, atol=0.2 * pascal * length)
-    assert not [text for text in doubts(model, QuasiStatic(time, eta=eta), linked=False) if "round-off" in text]
-    text, *_ = doubts(model, QuasiStatic(time, eta=1e-10 * eta), linked=False)
+    assert not [text for text in doubts(model, QuasiStatic(time, eta=eta), linkage=None) if "round-off" in text]
+    text, *_ = doubts(model, QuasiStatic(time, eta=1e-10 * eta), linkage=None)
     assert "body 'block', which only contact holds, and round-off hides it: try eta = " in text
 
 

@@ -181,7 +181,7 @@ def test_the_mass_that_is_advised_for_a_plastic_billet_does_not_carry_it() -> No
     whoever has it already is told a larger one."""
 
     def advised(cells: tuple[int, int], eta: float) -> float:
-        *_, text = doubts(billet(cells)[0], QuasiStatic(1.0, eta=eta), linked=False)
+        *_, text = doubts(billet(cells)[0], QuasiStatic(1.0, eta=eta), linkage=None)
         return float(text.split("has lost its stiffness")[1].split("try eta = ")[1].split(" and")[0])
 
     eta = advised((3, 5), 1e4)
