@@ -86,39 +86,28 @@ class _Files:
         problem, (v, multiplier) = reduction.problem, velocity
         guess = Solution(transposed_times(problem.H, v) + problem.w, start, v, multiplier)
         answer = Solution(result.u, result.r, result.v, result.multiplier)
-        files: list[Callable[[], Path]] = []
-        for form in self.series.forms:
-            given = problem if form == "global" else reduction.local.whole
-            files.append(partial(self._write, form, given, fclib_set, problem, result, answer, guess))
-        return files
+        sizes = f"n = {problem.n}, nc = {problem.nc}, m/n = {problem.m / max(problem.n, 1):.4g}"
+        solved = f"solved by {result.method} in {result.iterations} iterations, error {result.error:.3e}"
 
-    def _write(
-        self,
-        form: str,
-        given: GlobalForm | LocalProblem,
-        fclib_set: str,
-        problem: GlobalForm,
-        result: Result,
-        answer: Solution,
-        guess: Solution,
-    ) -> Path:
-        path = self.series.directory / form / file_name(fclib_set, result.iterations, problem.nc, self.number)
-        path.parent.mkdir(parents=True, exist_ok=True)
-        for earlier in path.parent.glob(f"{fclib_set}-i*-{self.number:05d}.hdf5"):  # of a run that was interrupted after this step
-            earlier.unlink()
-        if form == "local":
-            answer, guess = Solution(answer.u, answer.r), Solution(guess.u, guess.r)
-        return write_fclib(
-            path,
-            given,
-            solution=answer,
-            guesses=(guess,),
-            title=self.title,
-            description=self.series.description,
-            math_info=f"n = {problem.n}, nc = {problem.nc}, m/n = {problem.m / max(problem.n, 1):.4g}; solved by {result.method} in "
-            f"{result.iterations} iterations, error {result.error:.3e}; {self.length}",
-            compression=self.series.compression,
-        )
+        def write(form: str, given: GlobalForm | LocalProblem) -> Path:
+            path = self.series.directory / form / file_name(fclib_set, result.iterations, problem.nc, self.number)
+            path.parent.mkdir(parents=True, exist_ok=True)
+            for earlier in path.parent.glob(f"{fclib_set}-i*-{self.number:05d}.hdf5"):  # of a run that was interrupted after this step
+                earlier.unlink()
+            without_v = form == "local"
+            return write_fclib(
+                path,
+                given,
+                solution=Solution(answer.u, answer.r) if without_v else answer,
+                guesses=(Solution(guess.u, guess.r) if without_v else guess,),
+                title=self.title,
+                description=self.series.description,
+                math_info=f"{sizes}; {solved}; {self.length}",
+                compression=self.series.compression,
+            )
+
+        forms = self.series.forms
+        return [partial(write, form, problem if form == "global" else reduction.local.whole) for form in forms]
 
 
 def _length(step: Step) -> str:

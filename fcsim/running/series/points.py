@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,7 +39,8 @@ def contact_points(vtk: VTK, step: Step, displacement: NDArray) -> vtkPolyData:
     contacts, nc = step.contacts, len(step.contacts)
     force = np.asarray(step.contact_force).reshape(nc, contacts.dimension)
     sliding = np.asarray(step.result.u).reshape(nc, -1 if nc else contacts.dimension)[:, 1 : contacts.dimension]
-    points = _points(vtk, step.model, contacts, displacement, force, sliding, np.asarray(step.contact_status), step.state.t)
+    borne = _Borne(force, sliding, np.asarray(step.contact_status))
+    points = _points(vtk, step.model, contacts, displacement, borne, step.state.t)
     if (moment := step.rolling_moment) is not None:
         points.GetPointData().AddArray(vtk.array("rolling_moment", np.hypot(*moment.T)))
         points.GetPointData().AddArray(vtk.array("rolling", step.rolling.astype(np.int8)))
@@ -58,21 +59,20 @@ def contact_points(vtk: VTK, step: Step, displacement: NDArray) -> vtkPolyData:
 def found_points(vtk: VTK, model: Model, contacts: Contacts, displacement: NDArray, t: float) -> vtkPolyData:
     """Contacts as they were found, of a step that has no answer: no forces, all of them open."""
     nothing = np.zeros((len(contacts), contacts.dimension))
-    return _points(vtk, model, contacts, displacement, nothing, nothing[:, 1:], nothing[:, 0], t)
+    return _points(vtk, model, contacts, displacement, _Borne(nothing, nothing[:, 1:], nothing[:, 0]), t)
 
 
-def _points(
-    vtk: VTK,
-    model: Model,
-    contacts: Contacts,
-    displacement: NDArray,
-    force: FloatArray,
-    sliding: FloatArray,
-    status: NDArray,
-    t: float,
-) -> vtkPolyData:
-    """What contacts have whatever their law; force [N], sliding [m/s] in their frames."""
-    nc = len(contacts)
+class _Borne(NamedTuple):
+    """What contacts do, in their frames: force (nc, d) [N], sliding (nc, d - 1) [m/s], status (nc,)."""
+
+    force: FloatArray
+    sliding: FloatArray
+    status: NDArray
+
+
+def _points(vtk: VTK, model: Model, contacts: Contacts, displacement: NDArray, borne: _Borne, t: float) -> vtkPolyData:
+    """What contacts have whatever their law; displacement (n_nodes, d) [m]; t [s]."""
+    nc, (force, sliding, status) = len(contacts), borne
     points = vtk.data.vtkPolyData()
     points.SetPoints(vtk.points(contacts.point))
     points.SetVerts(vtk.cells(np.arange(nc + 1), np.arange(nc)))
