@@ -37,7 +37,7 @@ from fcsim.timestep.step_equation.end_velocity import turning_impulse
 from fcsim.timestep.step_equation.equation import Answer, Equation, Past, StepSolver
 from fcsim.timestep.step_equation.linearisation import TOLERANCE, Linearisation, joined_nodes
 from fcsim.timestep.step_equation.look_ahead.ahead import ROUNDS, borne_at_first, looked_ahead
-from fcsim.timestep.step_equation.loops.heavier import heavier
+from fcsim.timestep.step_equation.loops.proximal_mass import with_proximal_mass
 from fcsim.timestep.step_equation.penetration import AtEnd, at_end
 from fcsim.timestep.step_equation.sequence import FREE_MOTION, LOOSE, solve_equation
 from fcsim.timestep.step_equation.settling import solve_settled
@@ -229,8 +229,8 @@ class Substep:
             answer, past = solve_settled(equation, solver, past, partial(self._anew, opened.start))
             if kept is not None and past.serving is not None:
                 kept[self.cuts] = past.serving
-            if answer is None and (heavy := heavier(equation, run.system)) is not None:
-                equation = heavy
+            if answer is None and (heavier := with_proximal_mass(equation, run.system)) is not None:
+                equation = heavier
                 continue
             if answer is None:
                 return None
@@ -246,7 +246,7 @@ class Substep:
                 continue
             ahead = looked_ahead(self.setup, state, met, v, after) if looks < ROUNDS else None
             self.clock.lap("detection")
-            if ahead is None and equation.elastic.heavier and self._unstable(equation, answer, after):
+            if ahead is None and equation.elastic.proximal_mass and self._unstable(equation, answer, after):
                 return None
             if ahead is None and not equation.borne:
                 return _Solved(answer, past, impulse, after, looks < ROUNDS)

@@ -37,24 +37,27 @@ gain 1.6e-8 of its energy in ten turns of 500 steps."""
 ROUND_OFF = 64 * np.finfo(float).eps
 """Of stiffness times the size of a body: changes of forces below are none."""
 
-MAX_ITERATIONS, MAX_OF_HEAVIER = 25, 100
+MAX_ITERATIONS, MAX_WITH_PROXIMAL_MASS = 25, 100
 
 
 @dataclass(frozen=True, eq=False)
 class Linearisation:
-    """The elastic term of one step of a scheme from a state; serving: what steps before have left, among it their motion; heavier [1/s^2]:
-    by how many deformable bodies' masses the matrix is larger, see `loops.heavier`."""
+    """The elastic term of one step of a scheme from a state.
+
+    serving: what steps before have left, among it their motion; proximal_mass [1/s^2]: by how many deformable bodies' masses the matrix is
+    larger, see `loops.proximal_mass`
+    """
 
     scheme: Scheme
     model: Model
     state: State
     serving: Memory | None = None
-    heavier: float = 0.0
+    proximal_mass: float = 0.0
 
     @property
     def iterations(self) -> int:
         """How many there may be."""
-        return MAX_OF_HEAVIER if self.heavier else MAX_ITERATIONS
+        return MAX_WITH_PROXIMAL_MASS if self.proximal_mass else MAX_ITERATIONS
 
     @cached_property
     def _begin(self) -> Configuration:
@@ -101,7 +104,7 @@ class Linearisation:
             return scheme.elastic_weight * elastic.force(begin, end, share, velocity)
         less = Turned(scheme.elastic_weight, scheme.factors(self.model)[1], self.rotation, v)
         term = elastic.force(begin, end, share, velocity, less)
-        return term - self.heavier * self.model.apply_mass(v, 0.0 * self.model.rigid_mass()) if self.heavier else term
+        return term - self.proximal_mass * self.model.apply_mass(v, 0.0 * self.model.rigid_mass()) if self.proximal_mass else term
 
     def pressed(self, v: FloatArray) -> tuple[FloatArray, When]:
         """The configuration (n_dofs,) in which loads that follow act at the iterate v (n_dofs,), and when of the step."""

@@ -46,9 +46,9 @@ from fcsim.timestep.step_equation.loops.going_round import goes_round
 from fcsim.timestep.step_equation.loops.iterate import Iterate, KeptFactor, Posed
 from fcsim.timestep.step_equation.loops.lost_contacts import lost
 from fcsim.timestep.step_equation.loops.meant_contacts import passed, settled
-from fcsim.timestep.step_equation.loops.natural import jams, leads_on
+from fcsim.timestep.step_equation.loops.natural_monotonicity import jams, leads_on
 from fcsim.timestep.step_equation.loops.newton_loop import contacts_once, looped, looped_attempt
-from fcsim.timestep.step_equation.loops.positive import further_share, positive_factor
+from fcsim.timestep.step_equation.loops.positive_definite import further_share, positive_factor
 from fcsim.timestep.step_equation.sequence import ROUND, longest_flight
 from fcsim.timestep.step_equation.tangent import made_positive, tangent_by_differences, tangent_by_formulas
 

@@ -23,11 +23,11 @@ TIMES = 100.0
 model, at least."""
 
 
-def heavier(equation: Equation, system: Callable[[Scheme], SystemFactor]) -> Equation | None:
+def with_proximal_mass(equation: Equation, system: Callable[[Scheme], SystemFactor]) -> Equation | None:
     """The equation with such a mass, s by the forces on the bodies over their mass and the model's size; None in dynamics, without
     turning bodies, where it has one already, or eta that is as large. system: the factor of a scheme's matrix."""
     model, scheme, elastic = equation.model, equation.scheme, equation.elastic
-    if not isinstance(scheme, QuasiStatic) or elastic.rotation is None or elastic.heavier:
+    if not isinstance(scheme, QuasiStatic) or elastic.rotation is None or elastic.proximal_mass:
         return None
     d, along = model.dimension, np.zeros(model.n_dofs)
     along[: model.n_elastic : d] = 1.0
@@ -38,4 +38,4 @@ def heavier(equation: Equation, system: Callable[[Scheme], SystemFactor]) -> Equ
         return None
     s = 10.0 ** np.ceil(np.log10(TIMES * force / (mass * size)))  # few different ones, each of which has a factor
     factor = system(replace(scheme, eta=s * scheme.h**2)).with_rigid_mass(equation.factor.rigid_mass * (own / s))
-    return replace(equation, factor=factor.turned(elastic.rotation), elastic=replace(elastic, heavier=float(s - own)))
+    return replace(equation, factor=factor.turned(elastic.rotation), elastic=replace(elastic, proximal_mass=float(s - own)))
