@@ -22,7 +22,7 @@ from fcsim.problem import GlobalProblem, scaled_error
 from fcsim.problem.reduction import Reduction, reduced
 from fcsim.solvers import Memory, Result, Status, solve
 from fcsim.solvers.automatic.pause import Pause
-from fcsim.timestep.chain import Attempt, SolverSettings
+from fcsim.timestep.chain import Attempt, Chain, SolverSettings
 from fcsim.timestep.limits import Limits
 from fcsim.timestep.quasi_static import QuasiStatic
 from fcsim.timestep.reactions.expected_motion import expected_motion, with_motion
@@ -307,7 +307,7 @@ def test_error_of_the_one_loop_is_that_of_the_problem_it_ends_with() -> None:
     """Begun far from the motion, with a q of another size."""
     problem, attempts = following(30.0), list[Attempt]()
     settings = SolverSettings(name="NSN-AC", tol=1e-6)
-    result, _ = solve_followed(problem, settings, np.zeros(len(problem.q)), lambda _: settings.tol, 1.0, attempts, None)
+    result, _ = solve_followed(problem, Chain(settings, 1.0, attempts), np.zeros(len(problem.q)), lambda _: settings.tol, None)
     assert result is not None and attempts[-1].error == result.error > 0
     first, last = (float(np.linalg.norm(q)) for q in (problem.q, problem.reduction.q))
     assert abs(first - last) > 1e-3 * last
@@ -318,7 +318,7 @@ def test_one_loop_is_passed_over_where_newton_pauses() -> None:
     """Of the problem nothing is asked."""
     memory, attempts = Memory.of(np.arange(1)).having(Pause(np.empty(0, dtype=np.int64), length=4, left=3)), list[Attempt]()
     nothing: Any = None
-    result, left = solve_followed(nothing, SolverSettings(name="auto"), np.zeros(3), nothing, 1.0, attempts, memory)
+    result, left = solve_followed(nothing, Chain(SolverSettings(name="auto"), 1.0, attempts), np.zeros(3), nothing, memory)
     assert left is not None and (pause := left.earlier(Pause)) is not None
     assert result is None and not attempts and pause.left == 2
 
