@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
-from dataclasses import replace
 
 import numpy as np
 
 from fcsim.arrays import FloatArray
 from fcsim.errors import InputError
-from fcsim.linear.factors import SingularMatrix
 from fcsim.problem import Answer, Followed, GlobalProblem, LocalProblem, Reduced, check, natural_map_residual
 from fcsim.problem.distributed import DistributedDelassus
 from fcsim.problem.elimination import Elimination
@@ -21,6 +19,7 @@ from fcsim.runtime import limited_threads
 from fcsim.solvers.base import ERRORS, Iterate, Method, Monitor, Options, Result, Run, Status, checked_limits, choice, override
 from fcsim.solvers.memory import Memory
 from fcsim.solvers.plugins import kept_apart
+from fcsim.solvers.run_method import run_method
 from fcsim.solvers.small.door import CONTACTS, LEAST_LIMIT, Left, small
 from fcsim.solvers.solve_rolling import solve_rolling
 from fcsim.solvers.table import method
@@ -108,7 +107,7 @@ def solve_by(
         if left is not None:
             left.noted(monitor, answers.velocity(left.r))
         iterate = _by_the_door(chosen, given, r, monitor, answers, error) if plain else None
-        iterate = iterate or _run(run, kept_apart(form, run, solver), given.q, r, monitor, options)
+        iterate = iterate or run_method(run, kept_apart(form, run, solver), given.q, r, monitor, options)
         return _judged(iterate, given, answers.of(iterate.r), monitor, error, solver, (start, prepared))
 
 
@@ -238,25 +237,3 @@ class _Answers:
     def velocity(self, r: FloatArray) -> FloatArray:
         """u (m,) from r (m,)."""
         return self.of(r).u
-
-
-def _run(run: Run, problem: LocalProblem | Reduced, q: FloatArray, r: FloatArray, monitor: Monitor, options: Options) -> Iterate:
-    """Run the method; where it stops unsolved, hand back the best iterate seen."""
-    zero = np.zeros_like(r)
-    # r = 0 answers a problem without contacts, and one at rest up to round-off (see `floor`)
-    if monitor.error(zero, q) <= monitor.tol:
-        return Iterate(zero, Status.SOLVED)
-    try:
-        iterate: Iterate = run(problem, r, monitor, options)
-    except SingularMatrix as singular:  # in a factorisation that the method takes for granted
-        iterate = Iterate(r, Status.SINGULAR, str(singular))
-    except (OverflowError, ZeroDivisionError, FloatingPointError, np.linalg.LinAlgError) as beyond:  # numbers that no float holds
-        iterate = Iterate(r, Status.DIVERGED, f"{type(beyond).__name__}: {beyond}")
-    if not isinstance(iterate, Iterate) or np.shape(iterate.r) != np.shape(q):
-        got = f"r of shape {np.shape(iterate.r)}" if isinstance(iterate, Iterate) else f"a {type(iterate).__name__}"
-        raise InputError(f"{run.__name__}: expected a method to return Iterate(r, status) with r of shape {np.shape(q)}, got {got}")
-    if iterate.status.solved:
-        return iterate
-    if monitor.best_r is not None:
-        return replace(iterate, r=monitor.best_r)
-    return iterate if np.all(np.isfinite(iterate.r)) else replace(iterate, r=r)  # nowhere was the error a number

@@ -3,25 +3,23 @@
 from __future__ import annotations
 
 import time
-from dataclasses import replace
 
 import numpy as np
 
 from fcsim.arrays import FloatArray
 from fcsim.errors import InputError
-from fcsim.linear.factors import SingularMatrix
 from fcsim.problem import Checks
 from fcsim.problem.judge import relative
 from fcsim.problem.rolling import (
     GlobalRollingProblem,
-    LocalRollingProblem,
     RollingReduction,
     modified_velocity,
     natural_residual,
     reduce_rolling,
 )
-from fcsim.solvers.base import ERRORS, Iterate, Monitor, Options, Result, Run, Status, checked_limits, choice, override
+from fcsim.solvers.base import ERRORS, Monitor, Result, Status, checked_limits, choice, override
 from fcsim.solvers.plugins import kept_apart
+from fcsim.solvers.run_method import run_method
 from fcsim.solvers.table import SOLVERS, method
 
 
@@ -105,7 +103,7 @@ def solve_rolling(
     monitor = monitors[error]
     reduction = time.perf_counter()
     with np.errstate(over="ignore", invalid="ignore"):  # a diverging method meets infinity: its status says so
-        iterate = _run(chosen.run, kept_apart(local, chosen.run, solver), begin / scale, monitor, options)
+        iterate = run_method(chosen.run, kept_apart(local, chosen.run, solver), local.q, begin / scale, monitor, options)
         r, status = scale * iterate.r, iterate.status
         answer = given.answer(r)
         errors = {name: other.error(iterate.r, scale * answer.u) for name, other in monitors.items()}
@@ -138,23 +136,6 @@ def rolling_errors(problem: GlobalRollingProblem, r: FloatArray) -> tuple[float,
         for name in ERRORS
     )
     return scaled, published
-
-
-def _run(run: Run, local: LocalRollingProblem, r: FloatArray, monitor: Monitor, options: Options) -> Iterate:
-    zero = np.zeros_like(r)
-    if monitor.error(zero, local.q) <= monitor.tol:
-        return Iterate(zero, Status.SOLVED)
-    try:
-        iterate: Iterate = run(local, r, monitor, options)
-    except SingularMatrix as singular:
-        iterate = Iterate(r, Status.SINGULAR, str(singular))
-    except (OverflowError, ZeroDivisionError, FloatingPointError, np.linalg.LinAlgError) as beyond:  # numbers that no float holds
-        iterate = Iterate(r, Status.DIVERGED, f"{type(beyond).__name__}: {beyond}")
-    if iterate.status.solved:
-        return iterate
-    if monitor.best_r is not None:
-        return replace(iterate, r=monitor.best_r)
-    return iterate if np.all(np.isfinite(iterate.r)) else replace(iterate, r=r)
 
 
 def _check(given: RollingReduction, r: FloatArray, u: FloatArray, momentum: float | None) -> Checks:
