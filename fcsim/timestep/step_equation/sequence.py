@@ -65,16 +65,9 @@ def _solved(equation: Equation, solver: StepSolver, past: Past) -> tuple[Answer 
             start = r = _start(reduction, rolling, equation.met, past.reactions, enough, newton)
             clock.lap("assembly")  # W, which may have been summed beside what a start needs
             if isinstance(problem, GlobalProblem) and not lead.steps and follows(settings, elastic):
-                followed = FollowedLoad(equation, problem, reduction, load)
-                asked = partial(_tolerance, settings.tol, extent=solver.extent, equation=equation)
-                result, serving = solve_followed(followed, chain, r, asked, past.serving)
-                clock.lap("solve")
-                past = replace(past, serving=serving)
-                if result is not None:
-                    past = replace(past, lead=lead.after(settings.name, settings.name))
-                    v = equation.velocity(result.v)  # type: ignore[arg-type] # of a global problem
-                    last, load = followed.reduction, followed.load
-                    return Answer(followed.problem, last, result, v, load, start, equation.factor, equation.met), past
+                answer, past = _in_one_loop(equation, FollowedLoad(equation, problem, reduction, load), start, solver, past)
+                if answer is not None:
+                    return answer, past
         if problem.nc:
             compliance = replace(compliance, summed=reduction.local.W if rolling is None else rolling.W)
         clock.lap("assembly")
@@ -106,6 +99,22 @@ def _solved(equation: Equation, solver: StepSolver, past: Past) -> tuple[Answer 
     apart, why = TOLERANCE * float(change.max()), "" if equation.scheme.timing.moving else LOOSE
     attempts.append(Attempt("turning bodies", FREE_MOTION, "did not settle", apart, elastic.iterations, equation.share, TOLERANCE, why=why))
     return None, past
+
+
+def _in_one_loop(
+    equation: Equation, followed: FollowedLoad, start: FloatArray, solver: StepSolver, past: Past
+) -> tuple[Answer | None, Past]:
+    """The answer by one loop from start (m,), None where it does not arrive, and the past of what is solved next."""
+    settings = solver.settings
+    asked = partial(_tolerance, settings.tol, extent=solver.extent, equation=equation)
+    result, serving = solve_followed(followed, solver.chain(equation), start, asked, past.serving)
+    solver.clock.lap("solve")
+    past = replace(past, serving=serving)
+    if result is None:
+        return None, past
+    v = equation.velocity(result.v)  # type: ignore[arg-type] # of a global problem
+    answer = Answer(followed.problem, followed.reduction, result, v, followed.load, start, equation.factor, equation.met)
+    return answer, replace(past, lead=past.lead.after(settings.name, settings.name))
 
 
 def _first_term(elastic: Linearisation) -> FloatArray:
