@@ -52,14 +52,14 @@ class Parameters:
     tol: float = 1e-8
 
 
-def masonry_case(path: str | Path, **options: Unpack[ModelOptions]) -> CaseScript:
-    """Return the case of a file of blocks, for `fcsim.running.run.run_case`, as a script's; options: see `read_model`."""
+def masonry_case(path: str | Path, mu: float | None = None, **options: Unpack[ModelOptions]) -> CaseScript:
+    """Return the case of a file of blocks, for `fcsim.running.run.run_case`, as a script's; mu and the options: see `read_model`."""
     path = Path(path)
     if not path.is_file():
         raise InputError(f"case {str(path)!r}: expected a model of blocks, found no such file")
 
     def built(parameters: Parameters) -> Case:
-        return build(read_model(path, **options), parameters)
+        return build(read_model(path, mu=mu, **options), parameters)
 
     return CaseScript(path.stem, path, Parameters, built, sha256(path))
 

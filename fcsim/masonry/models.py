@@ -23,9 +23,8 @@ MODELS = (".json", *SURFACES, *MESHES)
 
 
 class ModelOptions(TypedDict, total=False):
-    """What `read_model` is told besides the file."""
+    """What `read_model` is told besides the file and mu."""
 
-    mu: float | None
     density: float | None
     scale: float | None
     supports: Sequence[str]

@@ -48,18 +48,12 @@ def read(options: argparse.Namespace) -> MasonryProblem:
     """The problem of the file that the options name."""
     from fcsim.masonry import read_model
 
-    return read_model(options.model, **model_options(options))
+    return read_model(options.model, mu=options.mu, **model_options(options))
 
 
 def model_options(options: argparse.Namespace) -> ModelOptions:
-    """What `add_model` asks besides the file."""
-    return {
-        "mu": options.mu,
-        "density": options.density,
-        "scale": options.scale,
-        "supports": options.support,
-        "array": options.array,
-    }
+    """What `add_model` asks besides the file and mu."""
+    return {"density": options.density, "scale": options.scale, "supports": options.support, "array": options.array}
 
 
 def add_stone(command: argparse.ArgumentParser) -> None:

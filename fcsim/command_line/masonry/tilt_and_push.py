@@ -152,7 +152,7 @@ def _run_collapse(options: argparse.Namespace, loading: dict[str, str], duration
         **_as_run(options),
     }
     summary = run_case(
-        masonry_case(options.model, **model_options(options)),
+        masonry_case(options.model, options.mu, **model_options(options)),
         assignments,
         options.out / "run",
         RunOptions(export_every=0, vtk_every=5),
