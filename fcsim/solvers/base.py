@@ -53,6 +53,24 @@ class Options:
         if self.max_iterations < 0:
             raise InputError(f"max_iterations: expected an integer >= 0, got {self.max_iterations}")
 
+    def integers_from(self, **least: int) -> None:
+        """InputError for an option below the least that it may be."""
+        for name, bound in least.items():
+            if (value := getattr(self, name)) < bound:
+                raise InputError(f"option {name}: expected an integer >= {bound}, got {value}")
+
+    def numbers_from(self, **least: int) -> None:
+        """The same of numbers, of which NaN is none."""
+        for name, bound in least.items():
+            if not (value := getattr(self, name)) >= bound:
+                raise InputError(f"option {name}: expected a number >= {bound}, got {value}")
+
+    def numbers_above(self, **bounds: int) -> None:
+        """InputError for an option that is not above its bound, or NaN."""
+        for name, bound in bounds.items():
+            if not (value := getattr(self, name)) > bound:
+                raise InputError(f"option {name}: expected a number > {bound}, got {value}")
+
 
 def override[O: Options](options: O, overrides: Mapping[str, object]) -> O:
     """Return the frozen options with the given fields replaced; an unknown name is an InputError that lists the known ones."""

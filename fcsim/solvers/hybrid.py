@@ -39,8 +39,7 @@ class HybridOptions(Options):
         for stage in (*self.first, *self.stages):
             if not isinstance(stage, Stage):
                 raise InputError(f"options first, stages: expected tuples of Stage, got a {type(stage).__name__} in one")
-        if self.cycles < 1:
-            raise InputError(f"option cycles: expected an integer >= 1, got {self.cycles}")
+        self.integers_from(cycles=1)
 
 
 def hybrid(problem: LocalProblem, r: FloatArray, monitor: Monitor, options: HybridOptions) -> Iterate:

@@ -19,7 +19,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from fcsim.arrays import FloatArray
-from fcsim.errors import InputError
 from fcsim.linear.block_rows import embed_vector
 from fcsim.problem import LocalProblem
 from fcsim.solvers.base import Iterate, Monitor
@@ -38,10 +37,8 @@ class AndersonOptions(SweepOptions):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.window < 1:
-            raise InputError(f"option window: expected an integer >= 1, got {self.window}")
-        if not self.restart >= 1:
-            raise InputError(f"option restart: expected a number >= 1, got {self.restart}")
+        self.integers_from(window=1)
+        self.numbers_from(restart=1)
 
 
 class Mixing:

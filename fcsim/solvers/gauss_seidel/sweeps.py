@@ -61,20 +61,12 @@ class SweepOptions(Options):
         choice("local_tolerance_rule", self.local_tolerance_rule, ("given", "adaptive", "adaptive per contact"))
         choice("shuffle", self.shuffle, ("never", "once", "each sweep"))
         choice("error_evaluation", self.error_evaluation, ("light", "full", "adaptive"))
-        if not self.local_tolerance >= 0:
-            raise InputError(f"option local_tolerance: expected a number >= 0, got {self.local_tolerance}")
-        if not self.local_error_ratio > 0:
-            raise InputError(f"option local_error_ratio: expected a number > 0, got {self.local_error_ratio}")
-        if self.local_iterations < 1:
-            raise InputError(f"option local_iterations: expected an integer >= 1, got {self.local_iterations}")
-        if self.seed < 0:
-            raise InputError(f"option seed: expected an integer >= 0, got {self.seed}")
+        self.numbers_from(local_tolerance=0)
+        self.numbers_above(local_error_ratio=0)
+        self.integers_from(local_iterations=1, seed=0)
         if not 0 < self.relaxation < 2:
             raise InputError(f"option relaxation: expected a number in (0, 2), got {self.relaxation}")
-        if self.error_frequency < 1:
-            raise InputError(f"option error_frequency: expected an integer >= 1, got {self.error_frequency}")
-        if self.stagnation_sweeps < 0:
-            raise InputError(f"option stagnation_sweeps: expected an integer >= 0, got {self.stagnation_sweeps}")
+        self.integers_from(error_frequency=1, stagnation_sweeps=0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -92,10 +84,8 @@ class GaussSeidelOptions(SweepOptions):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if not self.regularisation >= 0:
-            raise InputError(f"option regularisation: expected a number >= 0, got {self.regularisation}")
-        if self.freezing < 0:
-            raise InputError(f"option freezing: expected an integer >= 0, got {self.freezing}")
+        self.numbers_from(regularisation=0)
+        self.integers_from(freezing=0)
 
 
 def contact_order(nc: int, options: SweepOptions) -> Callable[[], IntArray]:

@@ -33,8 +33,7 @@ class VelocityOptions(SweepOptions):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.largest_inverse < 0:
-            raise InputError(f"option largest_inverse: expected an integer >= 0, got {self.largest_inverse}")
+        self.integers_from(largest_inverse=0)
 
 
 def nsgsv(problem: LocalProblem, r: FloatArray, monitor: Monitor, options: VelocityOptions) -> Iterate:

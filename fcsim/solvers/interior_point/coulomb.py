@@ -72,10 +72,7 @@ class InteriorPointOptions(Options):
         super().__post_init__()
         if not 0 < self.fraction <= LONGEST:
             raise InputError(f"option fraction: expected a number in (0, {LONGEST}], got {self.fraction}")
-        if self.paths < 1:
-            raise InputError(f"option paths: expected an integer >= 1, got {self.paths}")
-        if self.polish < 0:
-            raise InputError(f"option polish: expected an integer >= 0, got {self.polish}")
+        self.integers_from(paths=1, polish=0)
 
 
 def interior_point(problem: LocalProblem, r: FloatArray, monitor: Monitor, options: InteriorPointOptions) -> Iterate:

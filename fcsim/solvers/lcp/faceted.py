@@ -50,13 +50,10 @@ class FacetedOptions(Options):
     def __post_init__(self) -> None:
         super().__post_init__()
         choice("engine", self.engine, ENGINES)
-        if self.facets < 4:
-            raise InputError(f"option facets: expected an integer >= 4, got {self.facets}")
+        self.integers_from(facets=4)
         if self.facets > MOST_FACETS:
             raise InputError(f"option facets: expected an integer <= {MOST_FACETS}, got {self.facets}")
-        for name, least in (("window", 1), ("max_pivots", 1), ("crash_sweeps", 0)):
-            if getattr(self, name) < least:
-                raise InputError(f"option {name}: expected an integer >= {least}, got {getattr(self, name)}")
+        self.integers_from(window=1, max_pivots=1, crash_sweeps=0)
 
 
 def faceted_cone(problem: LocalProblem, r: FloatArray, monitor: Monitor, options: FacetedOptions) -> Iterate:

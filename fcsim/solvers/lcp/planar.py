@@ -16,7 +16,6 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from fcsim.arrays import BoolArray, FloatArray
-from fcsim.errors import InputError
 from fcsim.linear.factors import SingularMatrix
 from fcsim.problem import LocalProblem
 from fcsim.solvers.base import Iterate, Monitor, Options, Status, choice
@@ -45,8 +44,7 @@ class ConjugateGradientOptions(Options):
     def __post_init__(self) -> None:
         super().__post_init__()
         choice("preconditioner", self.preconditioner, ("none", "diagonal"))
-        if self.stagnation_iterations < 1:
-            raise InputError(f"option stagnation_iterations: expected an integer >= 1, got {self.stagnation_iterations}")
+        self.integers_from(stagnation_iterations=1)
 
 
 def conjugated_projected_gradient(problem: LocalProblem, r: FloatArray, monitor: Monitor, options: ConjugateGradientOptions) -> Iterate:
@@ -183,8 +181,7 @@ class EnumerationOptions(Options):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.guess_sweeps < 0:
-            raise InputError(f"option guess_sweeps: expected an integer >= 0, got {self.guess_sweeps}")
+        self.integers_from(guess_sweeps=0)
 
 
 STATES = np.array([[0, 0, 0], [0, 0, 1], [1, 1, 0], [1, 0, 0], [1, 1, 1]], dtype=bool)

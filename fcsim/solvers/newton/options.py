@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from fcsim.errors import InputError
 from fcsim.solvers.base import Options, choice
 from fcsim.solvers.newton.formulations import FORMULATIONS
 from fcsim.solvers.newton.line_search import LINE_SEARCHES, REFERENCES
@@ -44,12 +43,5 @@ class NewtonOptions(Options):
         choice("line_search", self.line_search, LINE_SEARCHES)
         choice("reference", self.reference, REFERENCES)
         choice("linear", self.linear, ("auto", "kkt", *SYSTEMS))
-        if not self.rho_factor > 0:
-            raise InputError(f"option rho_factor: expected a number > 0, got {self.rho_factor}")
-        if not self.divergence > 1:
-            raise InputError(f"option divergence: expected a number > 1, got {self.divergence}")
-        if not self.longest > 1:
-            raise InputError(f"option longest: expected a number > 1, got {self.longest}")
-        for name, least in (("line_search_iterations", 1), ("window", 1), ("patience", 0)):
-            if getattr(self, name) < least:
-                raise InputError(f"option {name}: expected an integer >= {least}, got {getattr(self, name)}")
+        self.numbers_above(rho_factor=0, divergence=1, longest=1)
+        self.integers_from(line_search_iterations=1, window=1, patience=0)

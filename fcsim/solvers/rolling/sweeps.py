@@ -11,7 +11,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from fcsim.arrays import FloatArray
-from fcsim.errors import InputError
 from fcsim.problem.delassus import Delassus
 from fcsim.problem.rolling import LocalRollingProblem
 from fcsim.solvers.base import Iterate, Monitor, Options, Status
@@ -28,8 +27,7 @@ class RollingSweepOptions(Options):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.local_iterations < 1:
-            raise InputError(f"option local_iterations: expected an integer >= 1, got {self.local_iterations}")
+        self.integers_from(local_iterations=1)
 
 
 def rolling_sweeps(problem: LocalRollingProblem, r: FloatArray, monitor: Monitor, options: RollingSweepOptions) -> Iterate:

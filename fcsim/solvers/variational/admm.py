@@ -89,13 +89,10 @@ class AdmmOptions(Options):
         for name in ("restart_eta", "spectral_power"):
             if not 0 < getattr(self, name) < 1:
                 raise InputError(f"option {name}: expected a number between 0 and 1, got {getattr(self, name)}")
-        for name in ("balancing_factor", "balancing_ratio"):
-            if not getattr(self, name) > 1:
-                raise InputError(f"option {name}: expected a number > 1, got {getattr(self, name)}")
+        self.numbers_above(balancing_factor=1, balancing_ratio=1)
         if not 0 <= self.proximal < float("inf"):
             raise InputError(f"option proximal: expected a number >= 0, got {self.proximal}")
-        if self.balancing_interval < 1:
-            raise InputError(f"option balancing_interval: expected an integer >= 1, got {self.balancing_interval}")
+        self.integers_from(balancing_interval=1)
 
 
 def admm(problem: LocalProblem, r: FloatArray, monitor: Monitor, options: AdmmOptions) -> Iterate:

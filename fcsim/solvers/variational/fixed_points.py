@@ -14,7 +14,6 @@ import scipy.sparse as sp
 from scipy.sparse.linalg import LinearOperator
 
 from fcsim.arrays import FloatArray
-from fcsim.errors import InputError
 from fcsim.problem import Delassus, LocalProblem
 from fcsim.problem.reduction import Reduction
 from fcsim.solvers.base import Iterate, Monitor, Options, Status, choice
@@ -45,14 +44,10 @@ class FixedPointOptions(Options):
         super().__post_init__()
         choice("internal", self.internal, ENGINES)
         choice("internal_tolerance_rule", self.internal_tolerance_rule, ("adaptive", "given"))
-        if self.internal_iterations < 1:
-            raise InputError(f"option internal_iterations: expected an integer >= 1, got {self.internal_iterations}")
-        if not self.internal_tolerance > 0:
-            raise InputError(f"option internal_tolerance: expected a number > 0, got {self.internal_tolerance}")
-        if not self.internal_error_ratio >= 1:
-            raise InputError(f"option internal_error_ratio: expected a number >= 1, got {self.internal_error_ratio}")
-        if self.stagnation < 1:
-            raise InputError(f"option stagnation: expected an integer >= 1, got {self.stagnation}")
+        self.integers_from(internal_iterations=1)
+        self.numbers_above(internal_tolerance=0)
+        self.numbers_from(internal_error_ratio=1)
+        self.integers_from(stagnation=1)
 
 
 @dataclass(frozen=True, kw_only=True)

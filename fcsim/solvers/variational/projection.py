@@ -76,8 +76,7 @@ class HyperplaneOptions(Options):
         for name, value in (("tau", self.tau), ("sigma", self.sigma)):
             if not 0 < value < 1:
                 raise InputError(f"option {name}: expected a number between 0 and 1, got {value}")
-        if self.search_iterations < 1:
-            raise InputError(f"option search_iterations: expected an integer >= 1, got {self.search_iterations}")
+        self.integers_from(search_iterations=1)
 
 
 def _step_size(rho: float | None) -> None:
