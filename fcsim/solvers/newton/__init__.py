@@ -2,7 +2,7 @@
 
 To follow NSN-AC on a step of a wall, ten files, in this order:
 
-1. solvers/solve.py                        the problem, the answer and its check
+1. solvers/solve.py                        the problem, the answer and its check (run_method.py: the method between them)
 2. solvers/newton/iterations.py            Newton's method: F, A, B, the step, the line search, why it stops
 3. solvers/newton/formulations.py          Alart and Curnier's F with A = dF/du and B = dF/dr
 4. solvers/newton/spaces.py                u = W r + q beside r

@@ -12,6 +12,7 @@ from fcsim.errors import InputError
 from fcsim.problem import GlobalProblem
 from fcsim.problem.rolling import GlobalRollingProblem
 from fcsim.solvers import SOLVERS, Status, solve
+from fcsim.solvers.base import Iterate
 
 METHODS = [name for name, method in SOLVERS.items() if 5 in method.dimensions]
 g, h = 9.81, 1e-3
@@ -216,6 +217,17 @@ def test_refusals() -> None:
     for option, value in (("linear", "kkt"), ("rescaling", "contacts"), ("symmetry", "symmetrise")):
         with pytest.raises(InputError, match=f"option {option}: expected .* with rolling friction, got '{value}'"):
             solve(p, "ROLLING-ADMM", **{option: value})
+
+
+def test_what_a_method_returns(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As of problems of Coulomb's cone: what is no iterate of the problem is refused by name."""
+
+    def two_numbers(*_: object) -> Iterate:
+        return Iterate(np.ones(2), Status.SOLVED)
+
+    monkeypatch.setitem(SOLVERS, "ROLLING-MINE", replace(SOLVERS["ROLLING-NSGS"], run=two_numbers))
+    with pytest.raises(InputError, match=r"two_numbers: expected a method to return Iterate.* shape \(5,\), got r of shape \(2,\)"):
+        solve(on_incline(0.2, 0.5, 0.1, 0.3, 0.4), "ROLLING-MINE")
 
 
 def stack(mu: float, arm: float, heaviest: float, spheres: int = 4, seed: int = 0) -> tuple[GlobalRollingProblem, Any]:
