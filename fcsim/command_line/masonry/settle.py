@@ -107,7 +107,7 @@ def _print(options: argparse.Namespace, problem: MasonryProblem, seen: Settlemen
     from fcsim.masonry.exports.settlement import columns_of, rows_of
     from fcsim.masonry.histories.settle import ROTATION
 
-    rows = rows_of(seen, digits=6)
+    rows = rows_of(problem, seen, digits=6)
     shown = sorted({0, 1, len(rows) - 1, *range(0, len(rows), max(len(rows) // _SHOWN, 1))} & set(range(len(rows))))
     print_table(columns_of(problem, seen), [rows[k] for k in shown])
     name = problem.title or problem.name

@@ -78,7 +78,18 @@ def test_a_new_case_runs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> 
     assert case.sensors[1].measure(last) == pytest.approx(-0.4 * 0.002 * 2000 * 9.81, rel=0.02)
 
 
-@pytest.mark.parametrize(("name", "said"), [("2d", "no digit first"), ("a-b", "letters, digits and '_'"), ("..", "expected a name")])
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("2d", "no digit first"),
+        ("a-b", "letters, digits and '_'"),
+        ("..", "expected a name"),
+        ("class", "a keyword or a package"),
+        ("numpy", "a keyword or a package"),  # python numpy/numpy.py would import itself
+        ("json", "a keyword or a package"),
+        ("__main__", "a keyword or a package"),
+    ],
+)
 def test_names_that_no_case_can_have(name: str, said: str, tmp_path: Path) -> None:
     with pytest.raises(InputError, match=said):
         write_case(tmp_path / name)
