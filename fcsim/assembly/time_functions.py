@@ -177,8 +177,10 @@ def _read[T: Table](path: Path, column: str, quantity: str, time: str, kind: typ
         raise InputError(f"quantity: expected one of {', '.join(UNITS)}, got {quantity!r}")
     try:
         text = regular(path).read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: expected a CSV file of times and values: {error}") from None
+    except OSError as error:
+        raise InputError(f"{path}: expected a CSV file of times and values, got: {error.strerror or error}") from None
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path}: expected a CSV file of times and values as UTF-8 text: {error}") from None
     note_read(path)
     lines = enumerate(text.splitlines(), start=1)
     rows = [(number, _cells(path, number, line)) for number, line in lines if line.strip() and not line.lstrip().startswith("#")]

@@ -150,7 +150,10 @@ def _acted(options: argparse.Namespace) -> tuple[int, str]:
         name = error.filename2 or error.filename  # of a copy the file that was written
         return EXIT_BAD_INPUT, f"{name}: {error.strerror}" if name and error.strerror else str(error)
     except MemoryError as error:
-        return EXIT_BAD_INPUT, f"memory: expected more of it than is free{f' ({error})' if str(error) else ''}; ask for less, or fewer steps"
+        return (
+            EXIT_BAD_INPUT,
+            f"memory: expected more of it than is free{f' ({error})' if str(error) else ''}; ask for less, or fewer steps",
+        )
     except (KeyboardInterrupt, SystemError) as error:
         if not is_interrupt(error):
             raise

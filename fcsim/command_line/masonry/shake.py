@@ -14,9 +14,6 @@ from fcsim.errors import EXIT_OK, InputError
 if TYPE_CHECKING:
     from fcsim.timestep.step import Step
 
-_ROUND_OFF = 1e-8
-"""Of the structure's extent, or of a turn by one: a hundredth of first motion."""
-
 
 def add_shake(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> argparse.ArgumentParser:
     """Add the command `shake`."""
@@ -34,11 +31,6 @@ def add_shake(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> 
     )
     shake.set_defaults(act=_shake)
     return shake
-
-
-def _resolved(value: float, size: float) -> float:
-    """The value, 0 where it is round-off of the steps' solutions beside a size."""
-    return value if value > _ROUND_OFF * size else 0.0
 
 
 def _shake(options: argparse.Namespace) -> int:
@@ -71,12 +63,10 @@ def _shake(options: argparse.Namespace) -> int:
 
         say_json(shake_summary(seen))
         return EXIT_OK
-    far, last = (_resolved(value, problem.size) for value in (seen.displacement.max(), seen.displacement[-1]))
-    turn = _resolved(seen.turn.max(), 1.0)
     rows = [
-        ("largest displacement of a corner", f"{1e3 * far:.5g} mm", f"{seen.t[seen.displacement.argmax() if far else -1]:.4g} s"),
-        ("largest turn of a block", f"{math.degrees(turn):.5g} degrees", f"{seen.t[seen.turn.argmax() if turn else -1]:.4g} s"),
-        ("displacement in the end", f"{1e3 * last:.5g} mm", f"{seen.t[-1]:.4g} s"),
+        ("largest displacement of a corner", f"{1e3 * seen.displacement.max():.5g} mm", f"{seen.t[seen.displacement.argmax()]:.4g} s"),
+        ("largest turn of a block", f"{math.degrees(seen.turn.max()):.5g} degrees", f"{seen.t[seen.turn.argmax()]:.4g} s"),
+        ("displacement in the end", f"{1e3 * seen.displacement[-1]:.5g} mm", f"{seen.t[-1]:.4g} s"),
     ]
     say(f"{problem.title or problem.name}: {len(problem.blocks)} blocks, {seen.t[-1]:.4g} s in {len(seen.t)} steps")
     print_table(("", "", "at"), rows, texts=1)

@@ -108,6 +108,9 @@ def test_parameters_as_json(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["run", "hertz", "--parameters", "--json"]) == 0
     answer = json.loads(capsys.readouterr().out)
     assert answer["command"] == "run" and answer["exit_code"] == 0 and answer["parameters"]["E"] == 20e9
+    assert main(["run", "hertz", "--parameters", "--set", "E=3e9", "--tol", "1e-5", "--json"]) == 0  # --set was left aside
+    answer = json.loads(capsys.readouterr().out)
+    assert (answer["parameters"]["E"], answer["parameters"]["tol"]) == (3e9, 1e-5)
 
 
 def test_a_full_disk_leaves_no_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
