@@ -11,6 +11,10 @@ from fcsim.assembly.model import Model
 from fcsim.contact_detection import Contacts
 
 
+OPEN = 1e-7
+"""Of the structure's extent: joints that are open by more are called so; less is round-off."""
+
+
 @dataclass(frozen=True)
 class Opening:
     """A joint of the structure as it was built: its largest opening and slip [m] of a contact point, and its ends (2, d) [m] now."""

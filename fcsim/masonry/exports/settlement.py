@@ -7,7 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from fcsim.masonry.histories.settle import OPEN, Movement, Settlement
+from fcsim.masonry.histories.settle import Movement, Settlement
+from fcsim.masonry.openings import OPEN
 from fcsim.masonry.problem import MasonryProblem
 from fcsim.masonry.report import write_csv
 from fcsim.records import write_record

@@ -32,7 +32,7 @@ from fcsim.masonry.bodies import HELD, supports, vector_of
 from fcsim.masonry.collapse import RUNAWAY
 from fcsim.masonry.limit_analysis.limit import associative_limit
 from fcsim.masonry.limit_analysis.limit_problem import limit_problem
-from fcsim.masonry.openings import Opening, openings
+from fcsim.masonry.openings import OPEN, Opening, openings
 from fcsim.masonry.problem import GRAVITY, MasonryProblem, expect_problem
 from fcsim.masonry.structure import BlocksAre, Stone, free_nodes, structure, touching
 from fcsim.timestep.chain import SolverSettings
@@ -48,8 +48,6 @@ _STILL = 0.1  # of a step of its support: by how much a thousandth of its weight
 _NEARLY = 10.0  # times that: what moves so far is followed to where it comes to rest, what moves farther falls
 _SOFT_RUNAWAY = 0.1  # of it: farther than deformable blocks sink under their weight
 STEPS = 100
-OPEN = 1e-7
-"""Of the structure's extent: joints that are open by more are counted."""
 ROTATION = 1.0
 """Degrees that deformable blocks may turn by: forces are wrong by what structures have changed their shape by, about its sine."""
 
