@@ -3,6 +3,8 @@
 The public names are loaded when first used, so that the core (FCLIB files, solvers) needs neither dolfinx nor gmsh nor PETSc.
 """
 
+from fcsim import starting as _starting  # isort: split
+
 from importlib import import_module
 from pathlib import Path as _Path
 from typing import TYPE_CHECKING
@@ -261,3 +263,6 @@ def __getattr__(name: str) -> object:
 
 def __dir__() -> list[str]:
     return sorted({*globals(), *__all__})
+
+
+_starting.listens()

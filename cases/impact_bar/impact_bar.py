@@ -20,6 +20,7 @@ from fcsim import (
     Gap,
     GeneralisedAlpha,
     History,
+    InputError,
     Limits,
     Material,
     Model,
@@ -111,6 +112,8 @@ class ExactSolution:
 
 def build(p: Parameters) -> Case:
     """Return the case with the given parameters; steps = 0: up to 1.4 times the time at which the bar leaves."""
+    if not (p.speed > 0 and p.courant > 0 and p.gap >= 0):
+        raise InputError(f"case impact_bar: expected speed > 0, courant > 0 and gap >= 0, got {p.speed}, {p.courant} and {p.gap}")
     exact = ExactSolution(p)
     h = p.courant * p.length / p.elements / exact.wave_speed
     model = bar_and_wall(p)

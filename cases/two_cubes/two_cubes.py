@@ -59,7 +59,7 @@ def build(p: Parameters) -> Case:
     pair = SurfacePair(
         contact_surface(model, [("upper", "z-")]), contact_surface(model, [("lower", "z+")]), p.mu, 0.1 * p.side / p.elements, p.candidates
     )
-    settings = SolverSettings(name=p.solver, tol=p.tol, floor=1e-3 * p.compression)
+    settings = SolverSettings(name=p.solver, tol=p.tol, floor=1e-3 * abs(p.compression))
     simulation = Simulation(model, Detector([pair], model.n_nodes), QuasiStatic(1 / max(p.steps, 1)), p.steps, settings)
     upper, area = model.number["upper"], nodal_area(model, "upper", "z-")
 

@@ -76,7 +76,8 @@ class Parameters:
 
 def build(p: Parameters) -> Case:
     """Return the case with the given parameters: the wall at rest at t = 0, when the record begins."""
-    record = read_acceleration_record(Path(__file__).parent / p.record).scaled(p.scale)
+    beside = Path(__file__).parent / p.record
+    record = read_acceleration_record(beside if beside.is_file() else p.record).scaled(p.scale)
     wall = running_bond(p.courses, p.blocks, p.block_size, p.divisions, material=Material(p.E, p.nu, p.density))
     model = wall_on_base(wall, p, record)
     detector = Detector(joints(wall, model, p), model.n_nodes)
@@ -135,10 +136,11 @@ def joints(wall: RunningBond, model: Model, p: Parameters) -> list[SurfacePair]:
 
     first = names[wall.bodies_of_course(1)]
     base = SurfacePair(surface(first, wall.bottom), surface(["base"], "z+"), p.friction_base, p.alert, "nodes", "base")
-    lower, upper = names[wall.course < wall.courses], names[wall.course > 1]
-    beds = two_pass(surface(upper, wall.bottom), surface(lower, wall.top), p.friction, p.alert, "nodes", "bed joints")
     heads = SurfacePair(surface(names, "x-"), surface(names, "x+"), p.friction, p.alert, "nodes", "head joints")
-    return [base, *beds, heads] if p.courses > 1 else [base, heads]
+    if p.courses == 1:
+        return [base, heads]
+    lower, upper = names[wall.course < wall.courses], names[wall.course > 1]
+    return [base, *two_pass(surface(upper, wall.bottom), surface(lower, wall.top), p.friction, p.alert, "nodes", "bed joints"), heads]
 
 
 def under_its_weight(model: Model, detector: Detector, p: Parameters, settings: SolverSettings) -> State:

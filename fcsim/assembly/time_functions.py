@@ -177,18 +177,23 @@ def _read[T: Table](path: Path, column: str, quantity: str, time: str, kind: typ
         raise InputError(f"quantity: expected one of {', '.join(UNITS)}, got {quantity!r}")
     try:
         text = regular(path).read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: expected a CSV file of times and values: {error}") from None
+    except OSError as error:
+        raise InputError(f"{path}: expected a CSV file of times and values, got: {error.strerror or error}") from None
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path}: expected a CSV file of times and values as UTF-8 text: {error}") from None
     note_read(path)
     lines = enumerate(text.splitlines(), start=1)
     rows = [(number, _cells(path, number, line)) for number, line in lines if line.strip() and not line.lstrip().startswith("#")]
     if not rows:
         raise InputError(f"{path}: expected a header 't [s], {column} [unit]' and rows of numbers, found none")
     header = dict(_heading(entry) for entry in rows[0][1])
-    columns = list(header)
+    columns = [name for name, _ in map(_heading, rows[0][1])]
+    if len(header) < len(columns):
+        raise InputError(f"{path}: expected each column once in the header, found {', '.join(columns)}")
     for name in (time, column):
         if name not in header:
-            raise InputError(f"{path}: expected a column {name!r} in the header, found {', '.join(columns)}")
+            found = ", ".join(columns) if len(columns) > 1 else f"{rows[0][1][0].strip()!r} alone; commas separate entries"
+            raise InputError(f"{path}: expected a column {name!r} in the header, found {found}")
     scale = {}
     for name, what in ((time, "time"), (column, quantity)):
         if header[name] not in UNITS[what]:

@@ -149,6 +149,11 @@ def _acted(options: argparse.Namespace) -> tuple[int, str]:
             return EXIT_BAD_INPUT, "the working directory is no longer there: go to another folder"
         name = error.filename2 or error.filename  # of a copy the file that was written
         return EXIT_BAD_INPUT, f"{name}: {error.strerror}" if name and error.strerror else str(error)
+    except MemoryError as error:
+        return (
+            EXIT_BAD_INPUT,
+            f"memory: expected more of it than is free{f' ({error})' if str(error) else ''}; ask for less, or fewer steps",
+        )
     except (KeyboardInterrupt, SystemError) as error:
         if not is_interrupt(error):
             raise

@@ -19,6 +19,8 @@ from fcsim.errors import EXIT_INTERRUPTED, EXIT_NOT_CONVERGED, EXIT_OK
 from fcsim.memory import any_size
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from fcsim.running.case import CaseScript
     from fcsim.running.run import Summary
 
@@ -74,13 +76,13 @@ def _run(options: argparse.Namespace) -> int:
     load_plugins(options.plugin)
     here = Path.cwd()  # a script may go elsewhere
     script = named_case(options.case)
-    if options.parameters:
-        _list_parameters(script)
-        return EXIT_OK
     assignments = read_assignments(options.assignments)
     if options.tol is not None and options.tol >= 0:
         checked_tolerance(options.tol)
     assignments |= given_by_options(options, script)
+    if options.parameters:
+        _list_parameters(script, assignments)
+        return EXIT_OK
     directory = options.out or Path("results") / script.name
     given = {
         "export_every": options.export_every,
@@ -107,15 +109,18 @@ def _run(options: argparse.Namespace) -> int:
     return {"finished": EXIT_OK, "not converged": EXIT_NOT_CONVERGED, "failed": EXIT_NOT_CONVERGED}.get(summary.status, EXIT_INTERRUPTED)
 
 
-def _list_parameters(script: CaseScript) -> None:
-    defaults = script.parameters()
+def _list_parameters(script: CaseScript, assignments: Mapping[str, str]) -> None:
+    """Print each parameter with its value: the case's, or what --set, --steps, --solver and --tol make of it."""
+    from fcsim.running.parameters import parse_parameters
+
+    values = parse_parameters(script, assignments)
     about = inspect.getdoc(script.parameters) or ""
     if about.startswith(f"{script.parameters.__name__}("):  # what dataclasses say of themselves
         about = ""
-    if answer({"case": script.name, "about": about, "parameters": asdict(defaults)}):
+    if answer({"case": script.name, "about": about, "parameters": asdict(values)}):
         return
     for parameter in fields(script.parameters):
-        say(f"{parameter.name:20s} {getattr(defaults, parameter.name)}")
+        say(f"{parameter.name:20s} {getattr(values, parameter.name)}")
     if about:
         say(f"\n{about}")
 

@@ -185,7 +185,8 @@ def _print_results(plan: Plan, rows: Sequence[Row], directory: Path, limits: Lim
 
     if answer(results_of(plan, rows)):
         return
-    header = ("run", *plan.varied, "status", "steps", "iterations", "largest error", "seconds")
+    own = ("status", "steps", "iterations", "largest error", "seconds")
+    header = ("run", *(f"{name} (set)" if name in own else name for name in plan.varied), *own)  # as in results.csv
     table = [
         (
             str(number),

@@ -15,6 +15,7 @@ would hold by besides friction (cohesion, tension, dilatancy): they are refused.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from difflib import get_close_matches
@@ -48,8 +49,10 @@ _KEYS = {
 """What each record may say."""
 _MEANT = {"fixed": "support", "is_support": "support", "friction": "mu", "mu": "mu_between of contact", "scaled": "scaled_by_multiplier"}
 """What is said in other words, and the key that says it."""
-_BEYOND = ("cohesion", "tension", "tensile", "dilat", "friction_angle")
+_BEYOND = ("cohesi", "tension", "tensile", "dilat", "friction_angle")
 """Parts of the names of what joints of dry blocks do not have, or have as another number."""
+_DENIED = re.compile(r"\b(no|non|not|nor|without|zero)\b|less\b|(?<![\w.])0+(\.0*)?(?![\w.])", re.IGNORECASE)
+"""What says of such a name that it is not there: no cohesion, cohesionless, cohesion 0."""
 _UNITS = {
     "length": ("m", "metre", "metres", "meter", "meters"),
     "mass": ("kg", "kilogram", "kilograms"),
@@ -122,7 +125,7 @@ def masonry_of_json(data: Json, path: Path) -> MasonryProblem:
         title=_get(str, data, "title", where, ""),
         question=_get(str, data, "question", where, ""),
         expected=tuple(_expected(entry, f"{where}, expected") for entry in _entries(data, "expected", where)),
-        source=_source(data.get("source", []), where),
+        source=(value,) if isinstance(value := data.get("source", []), str) else from_json(tuple[str, ...], value, f"{where}, source"),
     )
 
 
@@ -273,10 +276,6 @@ def _expected(entry: object, where: str) -> Expected:
     return Expected(_get(str, entry, "quantity", where), value, **texts, tolerance=_get(float | None, entry, "tolerance", where, None))
 
 
-def _source(value: object, where: str) -> tuple[str, ...]:
-    return (value,) if isinstance(value, str) else from_json(tuple[str, ...], value, f"{where}, source")
-
-
 def _name(entry: Mapping[str, object], key: str, where: str) -> str:
     """A block's name; a number counts as its digits."""
     value = entry.get(key)
@@ -294,14 +293,15 @@ def _refuse_slips(entry: Mapping[str, object], kind: str, where: str) -> None:
     """InputError for keys that are none but look or mean like one: what they say would be left aside without a word."""
     known = _KEYS[kind].split()
     for key, value in entry.items():
-        if key in known or not value:
+        if (key in known and key != "law") or not value:
             continue
-        if any(part in key.lower() for part in _BEYOND):
+        said = [part for part in re.split("[,;]", str(value)) if not _DENIED.search(part)] if key == "law" else [key]
+        if any(part in words.lower() for part in _BEYOND for words in said):
             raise InputError(f"{where}: expected dry joints with Coulomb's friction mu, got {key!r}: {value!r}, which is not covered")
         left = [name for name in known if name not in entry]
         meant = _MEANT.get(key.lower(), "").split(" of ")
         near = [" of ".join(meant)] if meant[0] in left or meant[1:] else get_close_matches(key.lower(), left, 1, 0.8)
-        if near:
+        if near and key != "law":
             raise InputError(f"{where}: expected the key {near[0]!r}, got {key!r}, which would be left aside")
 
 

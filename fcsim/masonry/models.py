@@ -53,7 +53,8 @@ def read_model(
     """
     path = Path(path)
     if path.suffix.lower() not in MODELS:
-        raise InputError(f"{path}: expected a model of blocks ({', '.join(MODELS)}), got {path.suffix!r}")
+        got = "a folder" if path.is_dir() else repr(path.suffix) if path.suffix else "a name without an ending"
+        raise InputError(f"{path}: expected a model of blocks ({', '.join(MODELS)}), got {got}")
     if density is not None and not (is_number(density) and density > 0):
         raise InputError(f"{path}, density: expected a number > 0 in kg/m^3, got {shown(density)}")
     usual = DENSITY if density is None else density

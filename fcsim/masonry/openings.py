@@ -10,6 +10,9 @@ from fcsim.arrays import FloatArray
 from fcsim.assembly.model import Model
 from fcsim.contact_detection import Contacts
 
+OPEN = 1e-7
+"""Of the structure's extent: joints that are open by more are called so; less is round-off."""
+
 
 @dataclass(frozen=True)
 class Opening:

@@ -25,7 +25,7 @@ def kept_apart[P](problem: P, run: Callable[..., object], solver: str) -> P:
     One that writes into the problem's arrays would else be judged by what it wrote: it would "solve" anything by W = 0. A copy takes the
     time and memory of one; fcsim's own methods, which write nothing there, have the problem itself.
     """
-    own = not plugin_of(solver) and getattr(run, "__module__", "").partition(".")[0] == "fcsim"
+    own = not plugin_of(solver) and (getattr(run, "__module__", None) or "").partition(".")[0] == "fcsim"
     return problem if own else deepcopy(problem)
 
 

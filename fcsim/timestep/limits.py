@@ -68,7 +68,7 @@ def remarks(model: Model, found: Deformation, when: str, said: frozenset[str]) -
         worst, name = _named(bodies, degrees, NAMED_ROTATION)
         texts["rotation"] = (
             f"{when}: {name} of linear kinematics has turned by {degrees[worst]:.3g} degrees, "
-            f"more than the {NAMED_ROTATION:g} that small rotations cover: forces are wrong by about {_sine(degrees[worst]):.2g} of "
+            f"more than the {NAMED_ROTATION:g} that small rotations cover: forces are wrong by about {_chord(degrees[worst]):.2g} of "
             f"themselves, and the rotation strains it; {_covers(found, worst, bodies[worst])} has no such error"
         )
     if "strain" not in said and strain.max(initial=0.0) > NAMED_STRAIN:
@@ -145,5 +145,6 @@ def _bends(body: Body) -> str:
     return 'kinematics="turning" for the body or the model'
 
 
-def _sine(degrees: float) -> float:
-    return float(np.sin(np.radians(degrees)))
+def _chord(degrees: float) -> float:
+    """How far the end of a unit vector goes that turns by an angle."""
+    return float(2 * np.sin(np.radians(degrees) / 2))

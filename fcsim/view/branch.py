@@ -31,6 +31,6 @@ def draw_branch(branch: Branch, path: Path, title: str) -> Path:
             axes.annotate("runs away", last, xytext=(-6, 8), textcoords="offset points", ha="right", color="#8c3333")
         axes.set_xlabel(f"mean displacement along the load [{unit}]")
         axes.set_ylabel("load multiplier")
-        axes.set_ylim(bottom=0.0)
+        axes.set_ylim(0.0, 1.12 * branch.largest or None)  # room for its number, below the title
         axes.set_title(title, wrap=True, fontsize=10)
         return save(drawing, path)

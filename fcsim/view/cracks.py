@@ -11,7 +11,7 @@ import numpy as np
 from fcsim.arrays import FloatArray
 from fcsim.assembly.model import Model
 from fcsim.errors import InputError
-from fcsim.masonry.openings import Opening
+from fcsim.masonry.openings import OPEN, Opening
 from fcsim.masonry.problem import MasonryProblem
 from fcsim.view.joints.draw import HAIR, crack_colours
 from fcsim.view.style import figure, matplotlib, prefixed, save, styled
@@ -36,8 +36,9 @@ def draw_cracks(problem: MasonryProblem, model: Model, x: FloatArray, joints: tu
             for side in body.surfaces["skin"]:
                 axes.plot(*corners[side].T, color="#8c8c8c" if fixed else "#b0a890", linewidth=0.7, zorder=1)
         colours = crack_colours()
+        none = most <= OPEN * problem.size
         for joint in sorted(joints, key=lambda joint: joint.opening):
-            if joint.opening > HAIR * most:
+            if joint.opening > HAIR * most and not none:
                 share = joint.opening / most
                 axes.plot(*zip(*joint.ends, strict=True), color=colours(share), linewidth=1.0 + 5.0 * share, zorder=2)
         margin = 0.05 * max(width, height)
@@ -50,6 +51,9 @@ def draw_cracks(problem: MasonryProblem, model: Model, x: FloatArray, joints: tu
         axes.grid(False)
         # over the whole figure, however narrow the axes; what matplotlib wraps itself takes no part in its layout, and was cut
         drawing.suptitle(fill(title, 90), x=0.02, horizontalalignment="left", fontsize=10, fontweight="bold")
+        if none:
+            axes.set_title("no joint is open", loc="left", fontsize=10)
+            return save(drawing, path)
         bar = matplotlib().cm.ScalarMappable(matplotlib().colors.Normalize(0.0, most / scale), colours)
         drawing.colorbar(bar, ax=axes, label=f"opening of the joint [{unit}]", shrink=0.8)
         return save(drawing, path)

@@ -123,3 +123,13 @@ def test_strong_shaking_obeys_coulomb_and_the_balances() -> None:
     assert steps[-1].energy.kinetic < 1e-3 * max(step.energy.kinetic for step in steps)
     assert np.abs(sensors["top_u"][-1]) > 1e-3
     assert 1e-5 < sensors["top_joint"].max() < 1e-3  # courses slide as one
+
+
+def test_a_record_is_found_from_where_one_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It was looked for beside the script alone; a wall of one course was refused."""
+    (tmp_path / "mine.csv").write_text("t [s],a [g]\n0,0\n0.1,0.3\n0.2,0\n")
+    monkeypatch.chdir(tmp_path)
+    small = {"courses": 1, "blocks": 2.0, "divisions": (2, 1, 1), "steps": 1, "load_steps": 1}
+    case = SCRIPT.build(SCRIPT.parameters(record="mine.csv", scale=1.0, **small))
+    *_, last = case.simulation
+    assert case.sensors[0].measure(last) == pytest.approx(0.3 * 9.80665 * last.state.t / 0.1)

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from fcsim.errors import InputError
 from fcsim.running.case import load_case
 
 SCRIPT = load_case(Path(__file__).parents[2] / "cases" / "impact_bar")
@@ -132,3 +133,10 @@ def test_energy_never_grows(theta: float, restitution: float) -> None:
 def test_energy_never_grows_with_the_gap_law(theta: float) -> None:
     energy = total(impact(elements=20, scheme="theta", theta=theta, law="gap"))
     assert np.diff(energy).max() < 1e-10
+
+
+@pytest.mark.parametrize("change", [{"speed": 0.0}, {"speed": -1.0}, {"courant": 0.0}, {"gap": -1e-3}])
+def test_a_bar_that_does_not_come_is_refused(change: dict[str, float]) -> None:
+    """It was run, and ended by a division by zero in a sensor."""
+    with pytest.raises(InputError, match=r"expected speed > 0, courant > 0 and gap >= 0, got"):
+        SCRIPT.build(SCRIPT.parameters(**change))

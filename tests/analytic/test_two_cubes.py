@@ -125,3 +125,10 @@ def test_twenty_elements_in_time_and_memory(tmp_path: Path) -> None:
     columns = [k for k, name in enumerate(header.split(",")) if name.startswith("seconds_")]
     seconds = [sum(float(row.split(",")[k]) for k in columns) for row in rows]
     assert len(seconds) == 5 and np.median(seconds) < 5
+
+
+def test_cubes_that_are_drawn_apart_bear_nothing() -> None:
+    """A compression below 0 was refused by the name of another argument, the solver's floor."""
+    p = script().parameters(elements=1, steps=1, compression=-0.01)
+    step = next(iter(script().build(p).simulation))
+    assert not len(step.contacts) or np.abs(step.result.r).max() == 0.0

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from fcsim.bench.reporting.curves import CurveStyle, above_axes, curve_styles, edge_labels, log_ticks, strip_width
 from fcsim.bench.reporting.time_table import tolerance_name
+from fcsim.bench.workers.compiling import compiled_so_far, watch
 from fcsim.errors import InputError
 from fcsim.files import replacing
 from fcsim.view.style import GREY, figure, save, styled
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 WARM_UP = 0.5  # seconds of a solve that is not recorded: compiled code is loaded in it
+WARM_UPS = 10  # of them at most, until one compiles nothing: the limit may end one before all has been called
 MARKS = 6
 BINS = 300  # points of a curve are thinned to what a picture shows
 
@@ -48,7 +50,7 @@ def solve_all(file: Path, solvers: Sequence[str], *, tol: float = 1e-8, time_lim
     """Solve an FCLIB file from r = 0 by each solver in turn, in this process.
 
     The time limit [s] is tested between iterations, so a solver may exceed it by one. Each is run briefly before, so that
-    loading compiled code does not count. Raises InputError for an unknown solver and for a file that cannot be solved.
+    compiling and loading code does not count. Raises InputError for an unknown solver and for a file that cannot be solved.
     """
     from fcsim.export_fclib import read_fclib
     from fcsim.problem import GlobalProblem, LocalProblem
@@ -60,8 +62,13 @@ def solve_all(file: Path, solvers: Sequence[str], *, tol: float = 1e-8, time_lim
     if not isinstance(problem, GlobalProblem | LocalProblem):
         raise InputError(f"{file}: a rolling friction problem (spacedim 5), which benchmarks leave out; fcsim solve solves it")
     runs = []
+    watch(lambda begins: None)
     for name in solvers:
-        solve(problem, name, tol=tol, time_limit=min(WARM_UP, time_limit))
+        for _ in range(WARM_UPS):
+            before = compiled_so_far()
+            solve(problem, name, tol=tol, error="published", time_limit=min(WARM_UP, time_limit))
+            if compiled_so_far() == before:
+                break
         result = solve(problem, name, tol=tol, error="published", time_limit=time_limit)
         rows = np.array(result.history, dtype=float).reshape(-1, 3)
         iteration, seconds, error = rows.T

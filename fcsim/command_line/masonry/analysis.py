@@ -21,12 +21,39 @@ WORDS = {"hinge": "turn", "sliding": "slide", "open": "open", "closed": "stay cl
 
 
 def print_analysis(options: argparse.Namespace, analysis: LimitAnalysis, seen: Bracket | None, *, angle: bool = False) -> int:
-    """Write what --out and --export ask for, say what was found (seen: by simulation), multipliers as angles too, and return the exit
-    code."""
-    from fcsim.masonry.remarks import remarks
-    from fcsim.masonry.report import summary, write_analysis
+    """Say what was found (seen: by simulation), multipliers as angles too, write what --out and --export ask for, and return the exit code.
 
+    What took minutes is told before a full disk refuses the files.
+    """
+    if options.json:
+        from fcsim.masonry.report import summary
+
+        say_json(summary(analysis, seen))
+    else:
+        _print(analysis, seen, angle)
+    _write(options, analysis, seen)
+    if options.out is not None and not options.json:
+        say(f"analysis, joints and picture: {options.out}")
+    return _exit(analysis)
+
+
+def _print(analysis: LimitAnalysis, seen: Bracket | None, angle: bool) -> None:
+    from fcsim.masonry.remarks import remarks
+
+    _print_multipliers(analysis, seen, angle)
+    for remark in remarks(analysis, seen):
+        say(f"note: {remark}")
+    for expected in analysis.problem.expected:
+        say(f"expected: {expected.quantity}: {expected.value}")
+    if analysis.lowest.outcome == "limit":
+        states = [joint.state for joint in analysis.joints]
+        say("mechanism: " + ", ".join(f"{states.count(state)} joints {word}" for state, word in WORDS.items() if state in states))
+
+
+def _write(options: argparse.Namespace, analysis: LimitAnalysis, seen: Bracket | None) -> None:
+    """What --out and --export ask for."""
     if options.out is not None:
+        from fcsim.masonry.report import write_analysis
         from fcsim.view.mechanism import draw_mechanism
 
         write_analysis(options.out, analysis, seen)
@@ -38,20 +65,6 @@ def print_analysis(options: argparse.Namespace, analysis: LimitAnalysis, seen: B
         from fcsim.masonry.exports import moved_blocks, write_blocks
 
         write_blocks(options.export, moved_blocks(analysis.problem, falling.model, falling.state.x))
-    if options.json:
-        say_json(summary(analysis, seen))
-        return _exit(analysis)
-    _print_multipliers(analysis, seen, angle)
-    for remark in remarks(analysis, seen):
-        say(f"note: {remark}")
-    for expected in analysis.problem.expected:
-        say(f"expected: {expected.quantity}: {expected.value}")
-    if analysis.lowest.outcome == "limit":
-        states = [joint.state for joint in analysis.joints]
-        say("mechanism: " + ", ".join(f"{states.count(state)} joints {word}" for state, word in WORDS.items() if state in states))
-    if options.out is not None:
-        say(f"analysis, joints and picture: {options.out}")
-    return _exit(analysis)
 
 
 def friction_words(problem: MasonryProblem, mu: FloatArray, share: float = 1.0) -> str:

@@ -74,16 +74,18 @@ def _settle(options: argparse.Namespace) -> int:
     problem = read(options)
     movements = _movements(options, problem)
     seen = settle(problem, movements, steps=options.steps, blocks=options.blocks, stone=stone(options))
-    if options.export is not None:
-        write_blocks(options.export, moved_blocks(problem, seen.model, seen.x))
-    if options.out is not None:
-        _write(options, problem, seen)
     if options.json:
         from fcsim.masonry.exports.settlement import settlement_summary
 
         say_json(settlement_summary(problem, movements, seen))
-        return EXIT_OK
-    _print(options, problem, seen)
+    else:
+        _print(problem, seen)
+    if options.export is not None:  # told before a full disk refuses the files
+        write_blocks(options.export, moved_blocks(problem, seen.model, seen.x))
+    if options.out is not None:
+        _write(options, problem, seen)
+        if not options.json:
+            say(f"history, cracks and pictures: {options.out}")
     return EXIT_OK
 
 
@@ -103,11 +105,11 @@ def _write(options: argparse.Namespace, problem: MasonryProblem, seen: Settlemen
         )
 
 
-def _print(options: argparse.Namespace, problem: MasonryProblem, seen: Settlement) -> None:
+def _print(problem: MasonryProblem, seen: Settlement) -> None:
     from fcsim.masonry.exports.settlement import columns_of, rows_of
     from fcsim.masonry.histories.settle import ROTATION
 
-    rows = rows_of(seen, digits=6)
+    rows = rows_of(problem, seen, digits=6)
     shown = sorted({0, 1, len(rows) - 1, *range(0, len(rows), max(len(rows) // _SHOWN, 1))} & set(range(len(rows))))
     print_table(columns_of(problem, seen), [rows[k] for k in shown])
     name = problem.title or problem.name
@@ -119,5 +121,3 @@ def _print(options: argparse.Namespace, problem: MasonryProblem, seen: Settlemen
     for joint in sorted(seen.joints, key=lambda joint: -joint.opening)[:6]:
         if joint.opening > 1e-3 * seen.opening[-1] > 0:
             say(f"  {joint.between[0]} | {joint.between[1]}: open {1e3 * joint.opening:.4g} mm, slipped {1e3 * joint.slip:.4g} mm")
-    if options.out is not None:
-        say(f"history, cracks and pictures: {options.out}")

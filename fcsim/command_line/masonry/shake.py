@@ -12,6 +12,7 @@ from fcsim.command_line.terminal import Bar, print_table, say, say_json
 from fcsim.errors import EXIT_OK, InputError
 
 if TYPE_CHECKING:
+    from fcsim.masonry import MasonryProblem, Shake
     from fcsim.timestep.step import Step
 
 
@@ -52,17 +53,24 @@ def _shake(options: argparse.Namespace) -> int:
             bar.update(step.number, steps, f"{step.state.t:.4g} s")
 
         seen = shake(problem, duration=options.duration, h=options.h, blocks=options.blocks, stone=stone(options), watch=watch)
-    if options.out is not None:
+    if options.json:
+        from fcsim.masonry.report import shake_summary
+
+        say_json(shake_summary(seen))
+    else:
+        _print(problem, seen)
+    if options.out is not None:  # told before a full disk refuses the files
         from fcsim.masonry.report import write_shake
         from fcsim.view.histories import draw_shake
 
         write_shake(options.out, seen)
         draw_shake(seen, options.out / "shake.png", problem.title or problem.name)
-    if options.json:
-        from fcsim.masonry.report import shake_summary
+        if not options.json:
+            say(f"history and picture: {options.out}")
+    return EXIT_OK
 
-        say_json(shake_summary(seen))
-        return EXIT_OK
+
+def _print(problem: MasonryProblem, seen: Shake) -> None:
     rows = [
         ("largest displacement of a corner", f"{1e3 * seen.displacement.max():.5g} mm", f"{seen.t[seen.displacement.argmax()]:.4g} s"),
         ("largest turn of a block", f"{math.degrees(seen.turn.max()):.5g} degrees", f"{seen.t[seen.turn.argmax()]:.4g} s"),
@@ -74,6 +82,3 @@ def _shake(options: argparse.Namespace) -> int:
     say(f"fallen: {fell}" if fell else "nothing has fallen" + (", but it moves still" if seen.moving else ""))
     for remark in seen.remarks:
         say(f"note: {remark}")
-    if options.out is not None:
-        say(f"history and picture: {options.out}")
-    return EXIT_OK

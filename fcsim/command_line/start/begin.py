@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import argparse
 import shlex
+import sys
 from contextlib import suppress
+from importlib.util import find_spec
+from keyword import iskeyword
 from pathlib import Path
 
 from fcsim.command_line.answers import answer
@@ -40,6 +43,8 @@ def write_case(folder: Path) -> Path:
     name = plain_name(folder.name, "fcsim new, NAME")
     if not name.isidentifier():
         raise InputError(f"fcsim new, NAME: expected letters, digits and '_', no digit first, got {name!r}")
+    if iskeyword(name) or _is_a_package(name):
+        raise InputError(f"fcsim new, NAME: expected a name that Python does not use itself, got {name!r}, a keyword or a package")
     script = folder / f"{name}.py"
     if script.exists():
         raise InputError(f"{script}: expected a name that is not taken, found a file")
@@ -56,3 +61,14 @@ def write_case(folder: Path) -> Path:
                 place.rmdir()
         raise
     return script
+
+
+def _is_a_package(name: str) -> bool:
+    """Whether a script of this name hides a module from its neighbours, which import its like; a folder without __init__.py is none."""
+    if name in sys.stdlib_module_names:
+        return True
+    try:
+        spec = find_spec(name)
+    except ValueError:  # of __main__
+        return True
+    return spec is not None and spec.origin is not None

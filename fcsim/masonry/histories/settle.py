@@ -32,7 +32,7 @@ from fcsim.masonry.bodies import HELD, supports, vector_of
 from fcsim.masonry.collapse import RUNAWAY
 from fcsim.masonry.limit_analysis.limit import associative_limit
 from fcsim.masonry.limit_analysis.limit_problem import limit_problem
-from fcsim.masonry.openings import Opening, openings
+from fcsim.masonry.openings import OPEN, Opening, openings
 from fcsim.masonry.problem import GRAVITY, MasonryProblem, expect_problem
 from fcsim.masonry.structure import BlocksAre, Stone, free_nodes, structure, touching
 from fcsim.timestep.chain import SolverSettings
@@ -46,7 +46,6 @@ _RUNS = 1e3  # times its support's pace: a block that moves so fast falls, by a 
 _QUICK = 1.5  # times it: a block that moves so fast may fall from one joint into another, and is looked at with its supports at rest
 _STILL = 0.1  # of a step of its support: by how much a thousandth of its weight out of balance moves a block that is looked at so
 _NEARLY = 10.0  # times that: what moves so far is followed to where it comes to rest, what moves farther falls
-_OPEN = 1e-7  # of the structure's extent
 _SOFT_RUNAWAY = 0.1  # of it: farther than deformable blocks sink under their weight
 STEPS = 100
 ROTATION = 1.0
@@ -242,7 +241,7 @@ class _Row:
                 total = step.force_in_space[master == k].sum(axis=0) - step.force_in_space[slave == k].sum(axis=0)
                 forces[block.name] = total if len(step.contacts) else np.zeros(problem.dimension)
         wide = [joint.opening for joint in joints]
-        count = sum(opening > _OPEN * problem.size for opening in wide)
+        count = sum(opening > OPEN * problem.size for opening in wide)
         return cls(moved, forces, max(wide, default=0.0), max((joint.slip for joint in joints), default=0.0), count)
 
 

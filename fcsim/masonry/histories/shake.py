@@ -29,6 +29,7 @@ from fcsim.timestep.theta import Theta
 
 DOWN = 0.1
 """Share of its extent by which the centroid of a block that falls comes down."""
+_ROUND_OFF = 1e-8  # of the extent, or of a turn by one: rigid blocks that move by less, a hundredth of first motion, do not move
 _STEPS = 100  # in the time in which the smallest block falls by its own extent
 _AFTER = 2.0  # [s] watched after the record
 
@@ -98,9 +99,13 @@ def shake(
         turns, drop = _turns_and_drops(model, step.state.x)
         turn.append(float(turns.max()))
         speed = float(np.linalg.norm(model.node_velocity(step.state.v, step.state.x)[corners], axis=1).max())
+    history, turns = np.array(displacement), np.array(turn)
+    if blocks == "rigid":  # deformable ones sink under their weight by as little
+        history[history <= _ROUND_OFF * problem.size] = 0.0
+        turns[turns <= _ROUND_OFF] = 0.0
     extents = [np.ptp(problem.blocks[problem.number[body.name]].surface.points, axis=0).max() for body in model.bodies]
     fallen = tuple(body.name for body, by, extent in zip(model.bodies, drop, extents, strict=True) if by > DOWN * extent)
-    return Shake(np.array(t), np.array(displacement), np.array(turn), fallen, speed > 0.01 * problem.size, tuple(remarks))
+    return Shake(np.array(t), history, turns, fallen, speed > 0.01 * problem.size, tuple(remarks))
 
 
 def _turns_and_drops(model: Model, x: FloatArray) -> tuple[FloatArray, FloatArray]:

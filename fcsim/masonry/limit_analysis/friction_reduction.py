@@ -16,7 +16,7 @@ _LARGEST = 1e3  # factors beyond it are called none
 _STANDS = 1 - 1e-6  # of the loads
 
 
-def friction_factor(problem: LimitProblem, multiplier: float = 0.0, *, resolution: float = 1e-4) -> float:
+def friction_factor(problem: LimitProblem, multiplier: float = 0.0, *, resolution: float = 1e-5) -> float:
     """Return F: with mu / F at every joint contact forces bear the loads just still, those that grow at `multiplier`.
 
     Below 1 the structure falls with the friction that it has. inf: a thousandth of it would do (what is wedged needs some, however little);

@@ -30,8 +30,9 @@ def falling(model: Model, state: State, scheme: Scheme, gravity: FloatArray, ste
     Nothing is said of bodies that move to begin with, that loads act on, or that stand beside exact shapes, whose points are not their
     extent.
     """
-    g = float(np.linalg.norm(gravity))
-    if g == 0 or not scheme.timing.moving or model.loads or np.any(model.along(state.v)[model.free_dofs]):
+    with np.errstate(over="ignore"):
+        g = float(np.linalg.norm(gravity))
+    if not 0 < g < np.inf or not scheme.timing.moving or model.loads or np.any(model.along(state.v)[model.free_dofs]):
         return
     down, axis = gravity / g, int(np.argmax(np.abs(gravity)))
     straight = abs(down[axis]) >= ALONG

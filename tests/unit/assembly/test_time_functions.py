@@ -66,6 +66,8 @@ GOOD = "t [s], a [m/s^2]\n0, 1\n1, 2\n"
     [
         ("", r"record\.csv: expected a header 't \[s\], a \[unit\]' and rows of numbers, found none"),
         (GOOD.replace("a [", "b ["), r"expected a column 'a' in the header, found t, b"),
+        (GOOD.replace(",", ";"), r"expected a column 'a' in the header, found 't \[s\]; a \[m/s\^2\]' alone; commas separate entries"),
+        (GOOD.replace("\n", ", a [g]\n", 1), r"expected each column once in the header, found t, a, a"),
         (GOOD.replace("t [s]", "time [s]"), r"expected a column 't' in the header, found time, a"),
         (GOOD.replace("m/s^2", "m/s"), r"column 'a' as a \[unit\] with a unit among m/s\^2, cm/s\^2, Gal, g, found 'm/s'"),
         (GOOD.replace(" [m/s^2]", ""), r"with a unit among m/s\^2, cm/s\^2, Gal, g, found ''"),

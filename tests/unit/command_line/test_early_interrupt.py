@@ -37,6 +37,19 @@ sys.meta_path.insert(0, Presses())
     assert (ended.returncode, ended.stdout, ended.stderr) == (130, "", "fcsim: interrupted by the keyboard\n")
 
 
+def test_ctrl_c_while_the_package_is_loaded_says_nothing() -> None:
+    """In the tenth of a second before the program is asked for anything it was a traceback of imports."""
+    ended = _program("""
+import os, signal, sys
+class Presses:
+    def find_spec(self, name, *rest):
+        if name == "fcsim.moved":
+            os.kill(os.getpid(), signal.SIGINT)
+sys.meta_path.insert(0, Presses())
+""")
+    assert (ended.returncode, ended.stdout, ended.stderr) == (-signal.SIGINT, "", "")
+
+
 def test_ctrl_c_once_the_answer_is_given_ends_without_a_traceback() -> None:
     """While the reader of HDF5 files was ended, for half a second, it was one of an atexit callback."""
     ended = _program("""

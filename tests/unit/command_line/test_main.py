@@ -433,6 +433,15 @@ def test_what_the_system_refuses_is_said_in_words(monkeypatch: pytest.MonkeyPatc
         assert said in error and "Errno" not in error
 
 
+def test_memory_that_is_not_there_is_said_in_words(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    def takes_all(options: object) -> int:
+        raise MemoryError("Unable to allocate 7.28 TiB")
+
+    monkeypatch.setattr("fcsim.command_line.info._info", takes_all)
+    assert main(["info", "a.hdf5"]) == 2
+    assert "memory: expected more of it than is free (Unable to allocate 7.28 TiB)" in capsys.readouterr().err
+
+
 def test_a_full_disk_is_told_of_by_the_file_that_was_to_be_written(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture) -> None:
     """Of a copy the file that was read was named."""
 

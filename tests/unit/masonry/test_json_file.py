@@ -87,6 +87,8 @@ def test_what_is_read_and_written_is_the_same(tmp_path: Path) -> None:
         ({"base_acceleration": {"value": [1, 0, 0], "direction": [1, 0, 0], "times": [0, 1], "values": [0, 1]}}, "got 'value': .1, 0, 0"),
         ({"contact": {"mu": 0.5, "cohesion": 1e5}}, "contact: expected dry joints.*'cohesion': 100000"),
         ({"contact": {"mu": 0.5, "mu_between": [{"between": ["floor", 1], "mu": 0.1, "ft_tension": 1.0}]}}, "mu_between: expected dry"),
+        ({"contact": {"mu": 0.5, "law": "Coulomb, no tension, cohesion 1e5 Pa"}}, "contact: expected dry joints.*'law': 'Coulomb"),
+        ({"contact": {"mu": 0.5, "law": {"kind": "Coulomb", "cohesion": 100000.0}}}, "contact: expected dry joints.*'law': .'kind"),
         ({"contact": {"mu": 0.5, "mu_betwen": [1]}}, "'mu_between', got 'mu_betwen'"),
         ({"loads": [{"kind": "acceleration", "value": [1, 0, 0], "scaled_by_multipler": True}]}, "'scaled_by_multiplier', got"),
         ({"initial_pose": [{"block": 1, "translaton": [0, 0, 1]}]}, "'translation', got 'translaton'"),
@@ -161,7 +163,7 @@ def test_ends_of_a_plane_block_may_be_of_triangles(tmp_path: Path) -> None:
 
 def test_what_says_nothing_of_the_structure_is_left_aside(tmp_path: Path) -> None:
     units = {"length": "m", "mass": "kg", "time": "s", "force": "N", "angle": "degree"}
-    law = {"law": "Coulomb, no cohesion", "cohesion": 0.0, "mu": 0.5}
+    law = {"law": "Coulomb, no tension, cohesionless; dilatancy 0.0", "cohesion": 0.0, "mu": 0.5}
     blocks = [block | {"fixed": block["id"] == "floor", "colour": "grey"} for block in PROBLEM["blocks"]]
     data = PROBLEM | {"units": units, "geometry_rule": {"thickness": 1}, "contact": law, "blocks": blocks, "remarks": ["none"]}
     assert len(read_masonry(write(tmp_path, data)).blocks) == 2

@@ -14,7 +14,7 @@ from fcsim.errors import InputError
 from fcsim.export_fclib import write_fclib
 from fcsim.problem import GlobalProblem, LocalProblem
 from fcsim.solvers import SOLVERS, solve
-from fcsim.solvers.plugins import load_plugins, plugin_of
+from fcsim.solvers.plugins import kept_apart, load_plugins, plugin_of
 
 GOOD = """
 from fcsim.solvers import SOLVERS, Method, Status
@@ -143,6 +143,14 @@ def test_a_method_that_overwrites_the_problem_is_judged_by_what_was_given(
         np.array_equal(np.asarray(getattr(given, name)), np.asarray(getattr(expected, name)))
         for name in ("mu", "w" if form == "global" else "q")
     )
+
+
+def test_a_method_without_a_module_is_anothers() -> None:
+    """What exec makes in a dict has None: solve ended in an AttributeError."""
+    made: dict[str, object] = {}
+    exec("def run(): pass", made)
+    problem = _pressed("dense")
+    assert kept_apart(problem, made["run"], "MINE") is not problem  # type: ignore[arg-type]
 
 
 PRINTS = """

@@ -72,3 +72,9 @@ def test_tables_of_long_runs_and_records_of_supports_are_looked_at_at_their_time
     for velocity, named in ((spike, True), (spike.velocity, False)):  # the velocity stays: it is no pulse
         model = build_model([floor], supports=[Support("floor", ("x",), velocity=velocity)], gravity=lambda t: (0, 0, -9.81))
         assert bool(list(lost_pulses(model, Theta(H), 0.0, 2 * LOOKS))) is named
+
+
+def test_a_run_without_end_is_not_looked_at() -> None:
+    """A step of 1e-12 s asked for 7 TiB, and ended in a traceback."""
+    floor = rigid_box("floor", (4, 4, 0.2), (0, 0, -0.1), 1.0)
+    assert not list(lost_pulses(build_model([floor], supports=[FLOOR], gravity=lambda t: (0, 0, -9.81)), Theta(1e-12), 0.0, 10**12))

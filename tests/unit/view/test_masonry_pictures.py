@@ -7,6 +7,8 @@ import pytest
 
 from fcsim.command_line.main import main
 from fcsim.masonry import Block, MasonryProblem, structure, write_masonry
+from fcsim.masonry.histories.branch import Branch
+from fcsim.masonry.openings import Opening
 from fcsim.mesh.solids.closed_surface import closed_surface
 
 pytest.importorskip("pyvista")
@@ -14,6 +16,7 @@ pytest.importorskip("matplotlib")
 from matplotlib.image import imread
 
 from fcsim.view.blocks import draw_blocks
+from fcsim.view.branch import draw_branch
 from fcsim.view.cracks import draw_cracks
 
 CORNERS = np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1)], dtype=float)
@@ -65,6 +68,33 @@ def test_a_crack_map_shows_supports(support: float, least: float, tmp_path: Path
     (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
     assert left <= -least and right >= 2.0 + least and bottom <= -least and top > 0.3
     assert right - left <= 2.0 * (1.0 + 2 * 0.25 + 0.15), "the lintel stays large"
+
+
+@pytest.mark.parametrize(("opening", "shown"), [(5e-10, False), (1e-3, True)])
+def test_round_off_is_no_crack(opening: float, shown: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A stone that slides had a joint as dark and wide as the widest crack, "0.0007 um" open."""
+    problem = stone_on_ground((1.0, 1.0, 1.0), 2)
+    model, _ = structure(problem)
+    drawn = []
+    monkeypatch.setattr("fcsim.view.cracks.save", lambda drawing, path: drawn.append(drawing) or path)
+    joint = Opening(("ground", "stone"), opening, 0.01, ((0.0, 0.0), (1.0, 0.0)))
+    draw_cracks(problem, model, np.zeros(model.n_dofs), (joint,), tmp_path / "cracks.png", "a stone")
+    axes, *bars = drawn[0].axes
+    widths = [line.get_linewidth() for line in axes.lines]
+    assert (max(widths) > 5.0) is shown and len(bars) == shown
+    assert (axes.get_title(loc="left") == "no joint is open") is not shown
+
+
+def test_the_number_of_a_branch_is_below_its_title(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Under a title of two lines it could not be read."""
+    drawn = []
+    monkeypatch.setattr("fcsim.view.branch.save", lambda drawing, path: drawn.append(drawing) or path)
+    branch = Branch(np.array([0.0, 0.01]), np.array([37.4, 34.2]))
+    draw_branch(branch, tmp_path / "branch.png", "an arch of a long name " * 6)
+    drawn[0].canvas.draw()
+    axes = drawn[0].axes[0]
+    number = next(text for text in axes.texts if text.get_text() == "37.4")
+    assert number.get_window_extent().y1 < axes.get_window_extent().y1
 
 
 @pytest.mark.parametrize("name", ["stone", "stone.xyz"])

@@ -16,6 +16,8 @@ from fcsim.timestep.scheme import Scheme
 
 LOOKS, PLACES = 8000, 8
 """Evaluations in all, and in a step at most; tables, whose times are known, are looked at there besides."""
+LONGEST = 1_000_000
+"""Steps of a run that is looked at: the ends of more fill the memory before the first of them is made."""
 OFF = 0.1
 """Of the integral without regard to signs: what the steps may leave or add. A load that is switched on for ten steps may be off by that."""
 
@@ -26,7 +28,7 @@ def lost_pulses(model: Model, scheme: Scheme, begin: float, steps: int) -> Itera
     The schemes take the mean of both ends of a step; what rests at one value for more than half of the run, and at both its ends, and is
     another one between is compared with a finer rule.
     """
-    if not scheme.timing.moving or steps < 2:
+    if not scheme.timing.moving or not 2 <= steps <= LONGEST:
         return
     functions = list(functions_of_time(model))
     looks = min(LOOKS // (steps * max(len(functions), 1)), PLACES)

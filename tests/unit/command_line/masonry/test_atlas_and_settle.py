@@ -62,7 +62,8 @@ def test_settle_prints_and_writes(tmp_path: Path, capsys: pytest.CaptureFixture[
     assert "stands still at 10 mm" in capsys.readouterr().out
     seen = json.loads((out / "settle.json").read_text())
     assert len(seen["moved"]) == 6 and not seen["falls"] and seen["movements"][0]["support"] == "v-1"
-    assert len(list(csv.DictReader((out / "settle.csv").open()))) == 6
+    rows = list(csv.DictReader((out / "settle.csv").open()))
+    assert len(rows) == 6 and rows[0]["widest joint [mm]"] == rows[0]["slip [mm]"] == "0"  # it was the round-off of a solver
     assert (out / "settle.png").stat().st_size > 5000 and (out / "cracks.png").stat().st_size > 5000
     assert (tmp_path / "arch.obj").read_text().count("\no ") + (tmp_path / "arch.obj").read_text().startswith("o ") == 9
     capsys.readouterr()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import errno
 import json
 import math
 from pathlib import Path
@@ -152,3 +153,31 @@ def test_long_histories_say_how_far_they_are(model: Path, capsys: pytest.Capture
     record.write_text("t [s],a [g]\n0,0\n0.1,0.1\n0.2,0\n")
     assert main(["shake", str(model), "--record", str(record), "--duration", "0.1", "--h", "0.01"]) == EXIT_OK
     assert "step 10 of 10: 0.1 s" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "command", [["limit"], ["shake", "--duration", "0.02", "--h", "0.01"], ["settle", "--move", "0,0,-0.01", "--steps", "1"]]
+)
+@pytest.mark.parametrize("form", [[], ["--json"]])
+def test_the_answer_is_told_before_a_full_disk_refuses_the_files(
+    command: list[str], form: list[str], model: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(path: Path, *_: object, **__: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device", str(path))
+
+    for module in ("report", "exports.settlement"):
+        monkeypatch.setattr(f"fcsim.masonry.{module}.write_record", full)
+    name, *options = command
+    assert main([name, str(model), *options, *form, "--out", str(model.parent / "out")]) == 2
+    said = capsys.readouterr()
+    assert "No space left on device" in said.err and "out" not in said.out.splitlines()[-1]
+    assert json.loads(said.out) if form else len(said.out.splitlines()) >= 3
+
+
+def test_what_does_not_move_moves_by_0(model: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """It moved by 7.4e-09 mm, and turned by 4.3e-10 degrees: the round-off of a solver."""
+    record = model.with_name("record.csv")
+    record.write_text("t [s],a [g]\n0,0\n0.1,0.1\n0.2,0\n")
+    assert main(["shake", str(model), "--record", str(record), "--duration", "0.03", "--h", "0.01"]) == EXIT_OK
+    said = capsys.readouterr().out
+    assert said.count(" 0 mm ") == 2 and " 0 degrees " in said

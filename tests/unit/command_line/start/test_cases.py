@@ -78,7 +78,18 @@ def test_a_new_case_runs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> 
     assert case.sensors[1].measure(last) == pytest.approx(-0.4 * 0.002 * 2000 * 9.81, rel=0.02)
 
 
-@pytest.mark.parametrize(("name", "said"), [("2d", "no digit first"), ("a-b", "letters, digits and '_'"), ("..", "expected a name")])
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("2d", "no digit first"),
+        ("a-b", "letters, digits and '_'"),
+        ("..", "expected a name"),
+        ("class", "a keyword or a package"),
+        ("numpy", "a keyword or a package"),  # python numpy/numpy.py would import itself
+        ("json", "a keyword or a package"),
+        ("__main__", "a keyword or a package"),
+    ],
+)
 def test_names_that_no_case_can_have(name: str, said: str, tmp_path: Path) -> None:
     with pytest.raises(InputError, match=said):
         write_case(tmp_path / name)
@@ -97,6 +108,9 @@ def test_parameters_as_json(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["run", "hertz", "--parameters", "--json"]) == 0
     answer = json.loads(capsys.readouterr().out)
     assert answer["command"] == "run" and answer["exit_code"] == 0 and answer["parameters"]["E"] == 20e9
+    assert main(["run", "hertz", "--parameters", "--set", "E=3e9", "--tol", "1e-5", "--json"]) == 0  # --set was left aside
+    answer = json.loads(capsys.readouterr().out)
+    assert (answer["parameters"]["E"], answer["parameters"]["tol"]) == (3e9, 1e-5)
 
 
 def test_a_full_disk_leaves_no_empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
