@@ -138,6 +138,32 @@ def test_an_interior_point_goes_before_proximal_newton_in_beds_of_discs(
     assert stages._enter_proximal(race) is not opens
 
 
+@pytest.mark.parametrize(
+    ("changes", "left", "enters"),
+    [
+        ({}, 226.0, True),  # what sweeps still cost, beyond 15 of its iterations
+        ({}, 225.0, False),
+        ({"best": AFAR, "dimension": 2, "in_velocities": False}, 226.0, True),
+        ({"small": False}, 226.0, False),
+        ({"warm": True}, 226.0, False),
+        ({"joints": object()}, 226.0, False),
+        ({"without": ("interior point",)}, 226.0, False),
+    ],
+)
+def test_an_interior_point_goes_before_proximal_newton_in_small_beds(changes: dict[str, Any], left: float, enters: bool) -> None:
+    race = state(runners={"sweeps": Shown(iterations=60, spent=60.0, needed=left)}, **{"best": NEAR, "small": True, **changes})
+    assert later.enter_interior(race) is enters
+
+
+@pytest.mark.parametrize("holds", [LOOSE, FACES_HELD])
+def test_an_interior_point_in_a_small_bed_is_alone_on_its_first_path(holds: float) -> None:
+    first, second = Shown(iterations=30, paths=[falling(30, 1.41, 1.6)]), Shown(iterations=31, paths=[[1.0] * 30, [1.0]])
+    for interior, alone in ((first, True), (second, False)):
+        race = state(runners={"sweeps": Shown(), "interior point": interior}, best=NEAR, small=True, holds=holds)
+        assert later.interior_alone(race, interior) is alone  # type: ignore[arg-type]
+        assert later.interior_opens(race) is alone
+
+
 FORTH, BACK = falling(30, 1.41, 1.0), falling(30, 1.39, 1.0)
 
 
