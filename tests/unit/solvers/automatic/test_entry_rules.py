@@ -164,6 +164,33 @@ def test_an_interior_point_in_a_small_bed_is_alone_on_its_first_path(holds: floa
         assert later.interior_opens(race) is alone
 
 
+UNLIKE = np.array([1.0, 1001.0])
+"""Compliances of contacts between bodies of unlike masses."""
+
+
+@pytest.mark.parametrize(
+    ("changes", "proximal", "zero", "interior"),
+    [
+        ({}, newton(iterations=20), True, False),
+        ({}, newton(iterations=19), False, False),
+        ({"best": AFAR}, newton(iterations=20), False, False),  # a proof goes first
+        ({"best": AFAR, "without": ("proof",)}, newton(iterations=20), True, False),
+        ({"tol": 0.34 * NEAR}, newton(iterations=20), False, False),  # within three times the tolerance
+        ({"without": ("proximal Newton from zero",)}, newton(iterations=20), True, True),  # the race has no such stage then
+        ({"compliance": np.array([1.0, 1000.0])}, newton(iterations=20), False, True),
+        ({"small": True}, newton(iterations=20), False, True),
+        ({"holds": FACES_HELD, "best": 1.1e-4}, newton(iterations=20), False, True),
+        ({"warm": True}, newton(iterations=20), False, False),
+    ],
+)
+def test_of_unlike_masses_proximal_newton_from_zero_takes_the_interior_points_place(
+    changes: dict[str, Any], proximal: Shown, zero: bool, interior: bool
+) -> None:
+    race = state(runners={"sweeps": Shown(), "proximal Newton": proximal}, **{"best": NEAR, "compliance": UNLIKE, **changes})
+    assert later.enter_from_zero(race) is zero
+    assert later.enter_interior(race) is interior
+
+
 FORTH, BACK = falling(30, 1.41, 1.0), falling(30, 1.39, 1.0)
 
 
