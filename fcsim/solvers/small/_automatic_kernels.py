@@ -120,9 +120,9 @@ def solve_automatically(
 ):  # fmt: skip
     """Conjugate sweeps from `start` (m,) and proximal Newton from their best iterate, then from zero, by turns until the error is tol.
 
-    Where the first Newton leaves the error above `FAR`, there may be no solution: sweeps are over then, and where Newton from zero costs
-    more than a proof, that is to come before (`NO_ANSWER_YET`; a call with the iterations `done` so far and their best iterate as start
-    goes on).
+    In beds of grains the first Newton is the only one, and `IN_BEDS` the budget at the most. Where the first one leaves the error above
+    `FAR`, there may be no solution: sweeps are over then, and where Newton from zero costs more than a proof, that is to come before
+    (`NO_ANSWER_YET`; a call with the iterations `done` so far and their best iterate as start goes on).
     look: sweeps between two errors; first: Newton's iterations whose cost the sweeps spend before their rate is believed; alone: those of
     Newton from the sweeps' iterate, from zero, and from zero from afar before it must have got on; within: those from each at the most;
     budget: seconds on the reference machine after which sweeps, and after half of which Newton is left; velocities: those of the bodies
@@ -219,7 +219,7 @@ def solve_automatically(
             u, scaled, plain, found = judged(W, q, mu, compliance, found_r, d)
             return SOLVED, sweeps + inside, rows, found_r, u, scale, scaled, plain, found
         far = min(found_error, least) > FAR
-        if far and turn == 1 and done == 0 and alone[2] * price > PROOF:
+        if far and turn == 1 and turns == 2 and done == 0 and alone[2] * price > PROOF:
             if found_error < least:
                 least, best = found_error, found_r
             u, scaled, plain, found = judged(W, q, mu, compliance, best, d)
