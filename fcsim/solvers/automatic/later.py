@@ -97,7 +97,7 @@ def enter_interior(race: Race) -> bool:
 
 def _zero_comes_first(race: Race) -> bool:
     """Whether proximal Newton from zero takes the interior point's place beside that from the best iterate, as in beds of unlike masses,
-    where an interior point mostly stays above 1e-3: `mass-ratios:300:9201` to 1e-4 2.4 s for 3.5, ten others 7.7 s for 7.8."""
+    where an interior point mostly stays above 1e-3: `mass-ratios:300:9201` to 1e-4 2.4 s for 3.5, ten others 7.8 s for 7.8."""
     return in_bed(race) and unlike(race) and not in_small_bed(race)
 
 
