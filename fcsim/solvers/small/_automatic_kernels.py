@@ -49,9 +49,9 @@ MANY_AGAIN = 100
 LOOSE, LOOSE_2D = 3.75, 1.5
 """Contacts a pair of bodies, told by the patterns of W's rows, below which grains lie in a bed: 1 of spheres and discs, 1.8 to 3.5 of
 rocks, 4 and more of boxes, in the plane 2."""
-IN_BEDS = 0.005
-"""Counted seconds in the place of the budget there, and one Newton for two: an interior point, of which the race makes the next one, takes
-11 to 40 iterations of 0.3 ms. 59 beds of 30 to 100 contacts (to 1e-6 and 1e-8, friction from 0 to 5) took 1.6 s for 2.1."""
+FIRST_IN_BEDS, ALONE_IN_BEDS = 30, 20
+"""Newton's iterations whose cost sweeps spend there before their rate is believed, and those of the first Newton, the only one, before it
+must have got on: an interior point comes next, in the race."""
 STILL = 0.999
 """Factor by which sweeps between two errors bring an error above `FAR` down at least, or they are at an end."""
 NO_ANSWER_YET = 5
@@ -120,7 +120,7 @@ def solve_automatically(
 ):  # fmt: skip
     """Conjugate sweeps from `start` (m,) and proximal Newton from their best iterate, then from zero, by turns until the error is tol.
 
-    In beds of grains the first Newton is the only one, and `IN_BEDS` the budget at the most. Where the first one leaves the error above
+    In beds of grains the first Newton is the only one, and a shorter one, after more sweeps. Where the first one leaves the error above
     `FAR`, there may be no solution: sweeps are over then, and where Newton from zero costs more than a proof, that is to come before
     (`NO_ANSWER_YET`; a call with the iterations `done` so far and their best iterate as start goes on).
     look: sweeps between two errors; first: Newton's iterations whose cost the sweeps spend before their rate is believed; alone: those of
@@ -146,9 +146,9 @@ def solve_automatically(
     largest = split_compliances(diagonal[:, :d, :d].copy())
     if not np.all(largest > 0.0):
         return NOT_HERE, 0, 0, zero, q, 0.0, 0.0, 0.0, none
-    turns = 2
+    turns, own = 2, alone
     if nc < (LOOSE if d == 3 else LOOSE_2D) * row_patterns(starts, columns):
-        turns, budget = 1, min(budget, IN_BEDS)
+        turns, first, own = 1, max(first, FIRST_IN_BEDS), (min(alone[0], ALONE_IN_BEDS), alone[1], alone[2])
     rho, order, frozen = np.ascontiguousarray(1.0 / largest[:, :2]), np.arange(nc), np.zeros(nc, dtype=np.int64)
     from_here, direction, last, awaited = r3.copy(), np.zeros_like(r3), 0.0, tol
     r, u = zero.copy(), q.copy()
@@ -204,7 +204,7 @@ def solve_automatically(
         turn += 1
         most = min(within, int(0.5 * budget / price))
         found_r, found_error, iterations = proximal_newton(
-            W, q, mu, compliance, weights, scale, tol, begin, d, most, alone[2 if far else turn - 1], np.int64(DECADE)
+            W, q, mu, compliance, weights, scale, tol, begin, d, most, own[2 if far else turn - 1], np.int64(DECADE)
         )
         inside += iterations
         of_newton += price * iterations

@@ -74,4 +74,4 @@ def test_the_front_door_leaves_a_bed_for_an_interior_point(monkeypatch: pytest.M
     found = solve(problems("frictions", 100, 10_001), tol=1e-6)
     assert found.solved and found.error <= 1e-6
     assert begun[-1] == "interior point" and "proximal Newton" not in begun
-    assert calls[0][1] < 1000  # iterations: it made 4157
+    assert calls[0][1] < 2500  # sweeps and Newton's iterations: with two Newtons and the sweeps between and after them 4157
