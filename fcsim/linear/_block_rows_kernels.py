@@ -160,3 +160,26 @@ def rows_of_product(indptr, indices, blocks, q, r, begin, end, u):
             e += three
             u2 += flat[e] * s0 + flat[e + one] * s1 + flat[e + one + one] * s2
         u[a, 0], u[a, 1], u[a, 2] = u0, u1, u2
+
+
+@njit(cache=True, nogil=True)
+def row_patterns(starts, columns):
+    """How many different patterns rows of blocks have that are coupled with one another, columns in order: contacts of the same two bodies
+    are coupled with the same contacts."""
+    found = 0
+    for a in range(len(starts) - 1):
+        size, new = starts[a + 1] - starts[a], True
+        for k in range(starts[a], starts[a + 1]):
+            b = columns[k]
+            if b >= a or starts[b + 1] - starts[b] != size:
+                continue
+            same = True
+            for i in range(size):
+                if columns[starts[a] + i] != columns[starts[b] + i]:
+                    same = False
+                    break
+            if same:
+                new = False
+                break
+        found += new
+    return found

@@ -6,6 +6,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from fcsim.arrays import FloatArray
+from fcsim.linear._block_rows_kernels import block_rows_of_dense, row_patterns
 from fcsim.solvers.automatic.race import Race
 from fcsim.solvers.newton.systems._velocity_kernels import velocities_held
 from fcsim.solvers.newton.systems.choice import without_a_factor
@@ -25,6 +26,11 @@ of boxes, at most 1.2 in beds of rocks with up to three points a pair."""
 UNLIKE = 1e3
 """Largest of the contacts' compliances over the least from which bodies are of unlike masses: 2e4 to 2e8 in beds of masses 1e4 to
 1e8 apart, 6 to 300 in beds of discs, spheres, rocks."""
+FEW = 128
+"""Contacts up to which a bed is small: as many as pass the compiled front door, which has tried proximal Newton."""
+LOOSE = {2: SINGLE, 3: 3.75}
+"""Contacts a pair of bodies, counted by W's rows, below which few contacts are those of grains: mostly below 3.5 of rocks, of boxes 4 and
+more."""
 KEPT_UP_TO = 20000
 """Contacts up to which sweeps are NNCG from the beginning."""
 
@@ -131,6 +137,19 @@ def elastic_joints(race: Race) -> bool:
 def in_bed(race: Race) -> bool:
     """Whether grains lie in a bed, from zero: neither joints nor edges or faces that hold one another."""
     return race.joints is None and not race.warm and not held_as_blocks(race)
+
+
+def in_small_bed(race: Race) -> bool:
+    """Whether few grains lie in a bed, from zero, told by W alone, once. Where they stick they may hold as much as blocks."""
+    if race.small is None:
+        problem, d = race.problem, race.problem.dimension
+        loose = race.joints is None and not small_and_elastic(race) and not on_springs(race)
+        race.small = loose and not race.warm and 0 < problem.nc <= FEW
+        if race.small:
+            W = problem.W.toarray() if sp.issparse(problem.W) else np.asarray(problem.W)
+            starts, columns, _ = block_rows_of_dense(np.ascontiguousarray(W), d)
+            race.small = problem.nc < LOOSE[d] * row_patterns(starts, columns)
+    return race.small
 
 
 def unlike(race: Race) -> bool:

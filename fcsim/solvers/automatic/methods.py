@@ -10,7 +10,7 @@ import numpy as np
 from fcsim.arrays import FloatArray
 from fcsim.linear.block_rows import embed_vector
 from fcsim.problem.infeasible import certificate
-from fcsim.solvers.automatic.closed import edges, elastic, held_as_blocks, in_bed, kept, newton_stays, on_springs, unlike
+from fcsim.solvers.automatic.closed import edges, elastic, held_as_blocks, in_bed, in_small_bed, kept, newton_stays, on_springs, unlike
 from fcsim.solvers.automatic.race import Race, ShareOfMonitor
 from fcsim.solvers.base import Iterate, Options, Status
 from fcsim.solvers.gauss_seidel._sweep_kernels import change_to_await
@@ -239,7 +239,7 @@ def proximal_from_zero(race: Race, monitor: ShareOfMonitor) -> Turns:
 
 def interior(race: Race, monitor: ShareOfMonitor) -> Turns:
     """IPM-COULOMB, in blocks from the best iterate, which it moves inside the cones, elsewhere from zero."""
-    if held_as_blocks(race):
+    if held_as_blocks(race) and not in_small_bed(race):
         return _interior(race, monitor, race.best_r(), INTERIOR)
     return _interior(race, monitor, np.zeros_like(race.start), INTERIOR_OF_BEDS)
 

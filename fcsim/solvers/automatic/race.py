@@ -215,7 +215,8 @@ def _fall(course: Sequence[tuple[float, float]], share: float) -> float:
 @dataclass(eq=False)
 class Race:
     """What the stages' conditions look at. problem: with W as `storage` fits it; swept: the storage that sweeps read; points, single,
-    held (at which iterate, what) and still: see `closed.points_a_pair`, `closed.in_single_points`, `closed.held`, `later.still`."""
+    held (at which iterate, what), small and still: see `closed.points_a_pair`, `closed.in_single_points`, `closed.held`,
+    `closed.in_small_bed`, `later.still`."""
 
     problem: LocalProblem
     swept: LocalProblem
@@ -229,6 +230,7 @@ class Race:
     points: float | None = None
     single: bool | None = None
     held: tuple[FloatArray, float] | None = None
+    small: bool | None = None
     still: bool | None = None
 
     @property

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from fcsim.linear._block_rows_kernels import own_blocks
+from fcsim.linear._block_rows_kernels import own_blocks, row_patterns
 from fcsim.linear.storage import REAL, REFERENCE
 from fcsim.problem._cone_kernels import cone_projection
 from fcsim.problem._judge_kernels import squared_natural_residual
@@ -46,6 +46,12 @@ FIRST_ELSEWHERE, ELSEWHERE_FROM_FAR, ELSEWHERE_FROM_NEAR = 2, 8, 4
 """Its iterations whose cost sweeps then spend before their rate is believed, and those that it needs: of the race, in faces."""
 MANY_AGAIN = 100
 """The same once Newton has failed here: in velocities it does not mind a W of far more unknowns than those (contacts and their twins)."""
+LOOSE, LOOSE_2D = 3.75, 1.5
+"""Contacts a pair of bodies, told by the patterns of W's rows, below which grains lie in a bed: 1 of spheres and discs, 1.8 to 3.5 of
+rocks, 4 and more of boxes, in the plane 2."""
+FIRST_IN_BEDS, ALONE_IN_BEDS = 30, 20
+"""Newton's iterations whose cost sweeps spend there before their rate is believed, and those of the first Newton, the only one, before it
+must have got on: an interior point comes next, in the race."""
 STILL = 0.999
 """Factor by which sweeps between two errors bring an error above `FAR` down at least, or they are at an end."""
 NO_ANSWER_YET = 5
@@ -114,9 +120,9 @@ def solve_automatically(
 ):  # fmt: skip
     """Conjugate sweeps from `start` (m,) and proximal Newton from their best iterate, then from zero, by turns until the error is tol.
 
-    Where the first Newton leaves the error above `FAR`, there may be no solution: sweeps are over then, and where Newton from zero costs
-    more than a proof, that is to come before (`NO_ANSWER_YET`; a call with the iterations `done` so far and their best iterate as start
-    goes on).
+    In beds of grains the first Newton is the only one, and a shorter one, after more sweeps. Where the first one leaves the error above
+    `FAR`, there may be no solution: sweeps are over then, and where Newton from zero costs more than a proof, that is to come before
+    (`NO_ANSWER_YET`; a call with the iterations `done` so far and their best iterate as start goes on).
     look: sweeps between two errors; first: Newton's iterations whose cost the sweeps spend before their rate is believed; alone: those of
     Newton from the sweeps' iterate, from zero, and from zero from afar before it must have got on; within: those from each at the most;
     budget: seconds on the reference machine after which sweeps, and after half of which Newton is left; velocities: those of the bodies
@@ -140,6 +146,9 @@ def solve_automatically(
     largest = split_compliances(diagonal[:, :d, :d].copy())
     if not np.all(largest > 0.0):
         return NOT_HERE, 0, 0, zero, q, 0.0, 0.0, 0.0, none
+    turns, own = 2, alone
+    if nc < (LOOSE if d == 3 else LOOSE_2D) * row_patterns(starts, columns):
+        turns, first, own = 1, max(first, FIRST_IN_BEDS), (min(alone[0], ALONE_IN_BEDS), alone[1], alone[2])
     rho, order, frozen = np.ascontiguousarray(1.0 / largest[:, :2]), np.arange(nc), np.zeros(nc, dtype=np.int64)
     from_here, direction, last, awaited = r3.copy(), np.zeros_like(r3), 0.0, tol
     r, u = zero.copy(), q.copy()
@@ -189,13 +198,13 @@ def solve_automatically(
                 patience = (NEWTON_FROM_FAR if least > FAR else NEWTON_FROM_NEAR) * price
             if spent > budget or (spent > allowed and sweep_price * sweeps_left(course, looks, tol) > patience):
                 break
-        if least <= tol or turn == 2 or elsewhere:
+        if least <= tol or turn >= turns or elsewhere:
             break
         begin = best if turn == 0 else zero
         turn += 1
         most = min(within, int(0.5 * budget / price))
         found_r, found_error, iterations = proximal_newton(
-            W, q, mu, compliance, weights, scale, tol, begin, d, most, alone[2 if far else turn - 1], np.int64(DECADE)
+            W, q, mu, compliance, weights, scale, tol, begin, d, most, own[2 if far else turn - 1], np.int64(DECADE)
         )
         inside += iterations
         of_newton += price * iterations
@@ -210,7 +219,7 @@ def solve_automatically(
             u, scaled, plain, found = judged(W, q, mu, compliance, found_r, d)
             return SOLVED, sweeps + inside, rows, found_r, u, scale, scaled, plain, found
         far = min(found_error, least) > FAR
-        if far and turn == 1 and done == 0 and alone[2] * price > PROOF:
+        if far and turn == 1 and turns == 2 and done == 0 and alone[2] * price > PROOF:
             if found_error < least:
                 least, best = found_error, found_r
             u, scaled, plain, found = judged(W, q, mu, compliance, best, d)

@@ -77,6 +77,7 @@ class State:
     keeps: bool = False
     shares: object = None
     single: bool | None = None
+    small: bool = False
     still: bool = False
     motion: object = None
     compliance: np.ndarray = field(default_factory=lambda: np.ones(2))

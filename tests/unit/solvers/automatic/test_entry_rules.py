@@ -138,6 +138,59 @@ def test_an_interior_point_goes_before_proximal_newton_in_beds_of_discs(
     assert stages._enter_proximal(race) is not opens
 
 
+@pytest.mark.parametrize(
+    ("changes", "left", "enters"),
+    [
+        ({}, 226.0, True),  # what sweeps still cost, beyond 15 of its iterations
+        ({}, 225.0, False),
+        ({"best": AFAR, "dimension": 2, "in_velocities": False}, 226.0, True),
+        ({"small": False}, 226.0, False),
+        ({"warm": True}, 226.0, False),
+        ({"joints": object()}, 226.0, False),
+        ({"without": ("interior point",)}, 226.0, False),
+    ],
+)
+def test_an_interior_point_goes_before_proximal_newton_in_small_beds(changes: dict[str, Any], left: float, enters: bool) -> None:
+    race = state(runners={"sweeps": Shown(iterations=60, spent=60.0, needed=left)}, **{"best": NEAR, "small": True, **changes})
+    assert later.enter_interior(race) is enters
+
+
+@pytest.mark.parametrize("holds", [LOOSE, FACES_HELD])
+def test_an_interior_point_in_a_small_bed_is_alone_on_its_first_path(holds: float) -> None:
+    first, second = Shown(iterations=30, paths=[falling(30, 1.41, 1.6)]), Shown(iterations=31, paths=[[1.0] * 30, [1.0]])
+    for interior, alone in ((first, True), (second, False)):
+        race = state(runners={"sweeps": Shown(), "interior point": interior}, best=NEAR, small=True, holds=holds)
+        assert later.interior_alone(race, interior) is alone  # type: ignore[arg-type]
+        assert later.interior_opens(race) is alone
+
+
+UNLIKE = np.array([1.0, 1001.0])
+"""Compliances of contacts between bodies of unlike masses."""
+
+
+@pytest.mark.parametrize(
+    ("changes", "proximal", "zero", "interior"),
+    [
+        ({}, newton(iterations=20), True, False),
+        ({}, newton(iterations=19), False, False),
+        ({"best": AFAR}, newton(iterations=20), False, False),  # a proof goes first
+        ({"best": AFAR, "without": ("proof",)}, newton(iterations=20), True, False),
+        ({"tol": 0.34 * NEAR}, newton(iterations=20), False, False),  # within three times the tolerance
+        ({"without": ("proximal Newton from zero",)}, newton(iterations=20), True, True),  # the race has no such stage then
+        ({"compliance": np.array([1.0, 1000.0])}, newton(iterations=20), False, True),
+        ({"small": True}, newton(iterations=20), False, True),
+        ({"holds": FACES_HELD, "best": 1.1e-4}, newton(iterations=20), False, True),
+        ({"warm": True}, newton(iterations=20), False, False),
+    ],
+)
+def test_of_unlike_masses_proximal_newton_from_zero_takes_the_interior_points_place(
+    changes: dict[str, Any], proximal: Shown, zero: bool, interior: bool
+) -> None:
+    race = state(runners={"sweeps": Shown(), "proximal Newton": proximal}, **{"best": NEAR, "compliance": UNLIKE, **changes})
+    assert later.enter_from_zero(race) is zero
+    assert later.enter_interior(race) is interior
+
+
 FORTH, BACK = falling(30, 1.41, 1.0), falling(30, 1.39, 1.0)
 
 

@@ -168,16 +168,23 @@ def test_problems_without_a_solution_are_answered_with_a_proof(family: str, size
 
 
 def test_where_newton_leaves_a_large_error_the_door_sweeps_no_more(calls: list[Call], monkeypatch: pytest.MonkeyPatch) -> None:
-    """As it would go on without a proof: Newton from zero, and nothing after."""
+    """As it would go on without a proof: Newton from zero, and nothing after. All contacts are coupled, so that they are no bed's."""
     p = reduced(problems("squeezed", 60, 3)).local
     monkeypatch.setattr(door, "certificate", lambda problem: None)
-    assert by_the_door(p, "auto") is None
+    assert by_the_door(replace(p, W=p.W + 1e-15 * np.abs(p.W).max()), "auto") is None
     (ended, before, _, sweeping), (_, after, begun, newton) = calls
     assert ended == door._automatic_kernels.NO_ANSWER_YET and begun == before < after
     assert np.all(np.diff(sweeping[:, 0])[:-1] == door.AUTO_LOOK) and sweeping[:, 1].min() > 1e-3
     assert newton[0, 0] == before and newton[-1, 0] == after and len(newton) == 2
     assert newton[0, 1] == pytest.approx(sweeping[:, 1].min(), rel=1e-6)
     assert solve(p, "auto").status is Status.INFEASIBLE  # by the race, whose proof is another one's
+
+
+def test_in_a_bed_one_newton_is_all_that_the_door_tries(calls: list[Call], monkeypatch: pytest.MonkeyPatch) -> None:
+    p = reduced(problems("squeezed", 60, 3)).local
+    monkeypatch.setattr(door, "certificate", lambda problem: None)
+    assert by_the_door(p, "auto") is None
+    assert len(calls) == 1 and solve(p, "auto").status is Status.INFEASIBLE
 
 
 def test_sweeps_whose_error_stays_are_left(calls: list[Call]) -> None:
