@@ -18,6 +18,7 @@ from fcsim.contact_detection.contacts import Contacts, join
 from fcsim.errors import InputError
 
 _BODIES = 1 << 31  # more than there are
+_LEAST_AREA = 1e-6  # of its own that a contact keeps
 _MOST = 1000  # samples of one step: more means a step that is far too long for its bodies
 
 
@@ -51,8 +52,10 @@ def with_swept(
     """
     found, off = [now], [np.full(len(now), -1.0)]
     through = np.empty(0, dtype=np.int64)
+    most: dict[int, float] = {}
     for t in times:
         there = detect(t)
+        _most_areas(there, most)
         other = ~np.isin(there.identity, now.identity)
         if not other.any():
             continue
@@ -68,7 +71,42 @@ def with_swept(
     every = join([now, *(bounded(swept, now) for swept in found[1:])])
     order = np.lexsort((np.concatenate(off), every.identity))
     identity = every.identity[order]
-    return every.take(order[np.append(True, identity[1:] != identity[:-1])[: len(order)]])
+    order = order[np.append(True, identity[1:] != identity[:-1])[: len(order)]]
+    return _with_areas_left(every.take(order), order >= len(now), most)
+
+
+def with_met(held: Contacts, found: Contacts, there: Contacts) -> Contacts:
+    """Return both, by identity; found: those of `there`, where a step ends, and of its way that are not `held`, brought back."""
+    every = join([held, found])
+    order = np.argsort(every.identity, kind="stable")
+    if every.area is None:
+        return every.take(order)
+    most: dict[int, float] = {}
+    _most_areas(there.take(np.isin(_pair(there), _pair(held))), most)
+    return _with_areas_left(every.take(order), order >= len(held), most)
+
+
+def _with_areas_left(contacts: Contacts, met: BoolArray, most: dict[int, float]) -> Contacts:
+    """Return contacts of which those `met` (nc,) on the way have, of the area that their rule gives them, what the others leave of the
+    joint's: a surface that slides within a step meets other facets with the same part of it. most: see `_most_areas`; who is not in it
+    has all of its own."""
+    if contacts.area is None or not most:
+        return contacts
+    given = contacts.area > 0
+    pair, which = np.unique(_pair(contacts), return_inverse=True)
+    here, later = (np.bincount(which, np.where(given & kind, contacts.area, 0.0), len(pair)) for kind in (~met, met))
+    left = np.array([most.get(key, np.inf) for key in pair.tolist()]) - here
+    share = np.clip(np.divide(left, later, out=np.ones(len(pair)), where=later > 0), _LEAST_AREA, 1.0)
+    return replace(contacts, area=np.where(given & met, contacts.area * share[which], contacts.area))
+
+
+def _most_areas(contacts: Contacts, most: dict[int, float]) -> None:
+    """Note in `most` the area [m^2; 2D: m] that each two bodies' contacts have together by their rule, where it is the largest so far."""
+    if contacts.area is None or not len(contacts):
+        return
+    pair, which = np.unique(_pair(contacts), return_inverse=True)
+    for key, area in zip(pair.tolist(), np.bincount(which, np.where(contacts.area > 0, contacts.area, 0.0)).tolist(), strict=True):
+        most[key] = max(most.get(key, 0.0), area)
 
 
 def _slaves(contacts: Contacts) -> BoolArray:

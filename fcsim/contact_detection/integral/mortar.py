@@ -116,6 +116,7 @@ class Mortar(SegmentToSegment):
             bodies=np.stack([self.body_of_multiplier[multiplier], body], axis=1),
             identity=(multiplier - self.first[pair]) * self.n_bodies + body,
             bulge=None if bulge is None else bulge[near],
+            area=size[kept][near],
         )
         return contacts, pair
 

@@ -25,6 +25,7 @@ from fcsim.timestep.remarks.of_shapes.corners import Corners
 from fcsim.timestep.remarks.of_shapes.entered import Entered
 from fcsim.timestep.remarks.of_shapes.far_off import far_off
 from fcsim.timestep.remarks.of_shapes.few_facets import FewFacets
+from fcsim.timestep.remarks.of_shapes.raised import Raised
 from fcsim.timestep.remarks.of_shapes.sunk_edges import SunkEdges
 from fcsim.timestep.remarks.spinning import spinning
 from fcsim.timestep.step import Step
@@ -38,7 +39,7 @@ class StepRemarks:
         self._buckled, self._carried, self._chords = Buckled(), CarriedRound(), Chords(detection, steps)
         self._rolled, self._few = RolledOn(), FewFacets(detection, steps)
         self._corners, self._entered = Corners(), Entered(detection, steps)
-        self._sunk = SunkEdges(detection, steps)
+        self._sunk, self._raised = SunkEdges(detection, steps), Raised(steps)
 
     def __call__(self, step: Step, found: Deformation, when: str, said: frozenset[str]) -> dict[str, str]:
         """Remarks by kind, of those kinds that are not among the `said`."""
@@ -62,6 +63,7 @@ class StepRemarks:
             | self._corners(step, found, when, said)
             | self._entered(step, when, said)
             | self._sunk(step, when, said)
+            | self._raised(step, when, said)
             | far_off(step, self._steps, when, said)
             | scarce_digits(step, when, said)
         )

@@ -20,6 +20,7 @@ from fcsim.timestep.remarks.falling import falling
 from fcsim.timestep.remarks.locked_joints import locked_joints
 from fcsim.timestep.remarks.of_laws.begun_anew import begun_anew
 from fcsim.timestep.remarks.of_laws.coarse_glue import coarse_glue
+from fcsim.timestep.remarks.of_shapes.uneven_faces import uneven_faces
 from fcsim.timestep.remarks.over_time.lost_pulses import lost_pulses
 from fcsim.timestep.remarks.over_time.undersampled import undersampled
 from fcsim.timestep.remarks.pieces import hanging_nodes, torn_meshes
@@ -84,7 +85,7 @@ def opening_remarks(
         found.append(falling(model, state, scheme, usual, steps, _held(model)))
     if isinstance(detector, Detector):
         names = [body.name for body in model.bodies]
-        found.append(never_touching(detector.pairs, positions, names))
+        found += [never_touching(detector.pairs, positions, names), uneven_faces(detector.pairs, names)]
         if not linked:
             found += [_alone(model, detector, gravity), _forgotten(model, detector, positions)]
     return tuple(chain.from_iterable(found))

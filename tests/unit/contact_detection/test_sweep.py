@@ -1,12 +1,16 @@
 """Contacts that are met on the way of a step: by the face through which a body comes, and no deeper than bodies overlap."""
 
+from typing import Any
+
 import numpy as np
+import pytest
 from numpy.testing import assert_allclose
 
 from fcsim.assembly.model import Model, build_model
-from fcsim.contact_detection import Everything
+from fcsim.contact_detection import Detector, Everything, SurfacePair
+from fcsim.contact_detection.surfaces.model_surfaces import contact_surface
 from fcsim.contact_detection.sweep import bounded, brought_back
-from fcsim.mesh import rigid_box, rigid_polyhedron
+from fcsim.mesh import Body, Material, brick, rigid_box, rigid_polyhedron
 
 
 def tip_over_a_box(start: tuple[float, float, float]) -> Model:
@@ -40,3 +44,19 @@ def test_what_is_brought_back_is_no_deeper_than_what_overlaps() -> None:
     assert_allclose(bounded(deeper, here).gap, 0.0)  # nothing overlaps here
     assert_allclose(bounded(deeper, deeper).gap, deeper.gap)  # what does, stays
     assert_allclose(brought_back(deeper, model.reference).gap.min(), 1e-3, atol=1e-12)
+
+
+@pytest.mark.parametrize("rule", ["mortar", "mortar-faces", "segments"])
+@pytest.mark.parametrize(("begin", "way"), [((0.0, 0.0, 0.0), (0.45, 0.3, 0.0)), ((0.0, 0.0, 0.3), (0.0, 0.0, -0.35))])
+def test_what_a_face_meets_on_its_way_has_its_area_once(rule: Any, begin: tuple[float, ...], way: tuple[float, ...]) -> None:
+    """A face of 1 m^2 slides on one of 4 m^2, or comes down on it: other facets bear the same part of it (by segments it was 1.54 m^2)."""
+    stone = Material(E=1e9, nu=0.2, density=2000.0)
+    floor = Body("floor", brick("floor", (2.0, 2.0, 0.5), (5, 5, 1), stone), translation=(-0.3, -0.3, -0.5))
+    block = Body("block", brick("block", (1.0, 1.0, 0.5), (3, 3, 1), stone, "tetrahedron"), translation=begin)
+    model = build_model([floor, block])
+    surfaces = contact_surface(model, [("block", "z-")]), contact_surface(model, [("floor", "z+")])
+    moved = np.zeros((model.n_nodes, 3))
+    moved[model.node_offset[1] :] = way
+    found = Detector([SurfacePair(*surfaces, 0.3, 0.02, rule)], model.n_nodes)(model.reference, moved)
+    assert found.area is not None
+    assert_allclose(found.area.sum(), 1.0, rtol=1e-6)

@@ -9,11 +9,14 @@ import pytest
 
 from fcsim import (
     Body,
+    Compliant,
     Detector,
     Everything,
+    Gap,
     Material,
     QuasiStatic,
     Simulation,
+    Springs,
     Support,
     SurfacePair,
     Theta,
@@ -29,7 +32,7 @@ SETTLES = 2e6 / 210e9
 """[m] The upper face of two blocks of 1 m, pressed by 1 MPa: E strain = p with nu = 0."""
 
 
-def pressed(upper: int, lower: int, rule: str, unit: float = 1.0) -> tuple[float, tuple[str, ...]]:
+def pressed(upper: int, lower: int, rule: str, unit: float = 1.0, law: Any = None) -> tuple[float, tuple[str, ...]]:
     """How far a block of `upper` cells in its width comes down on one of `lower`, relative to `SETTLES`, and what is said."""
     material = Material(E=STEEL.E / unit, nu=0.0, density=STEEL.density / unit**3)
     size = (unit, unit)
@@ -50,7 +53,7 @@ def pressed(upper: int, lower: int, rule: str, unit: float = 1.0) -> tuple[float
         detection = Detector(two_pass(slave, master, 0.0, alert), model.n_nodes)
     else:
         detection = Detector([SurfacePair(slave, master, 0.0, alert, given)], model.n_nodes)
-    (step,) = Simulation(model, detection, QuasiStatic(1.0, eta=1e-3), 1)
+    (step,) = Simulation(model, detection, QuasiStatic(1.0, eta=1e-3, law=law or Gap()), 1)
     top = np.isclose(model.reference[:, 1], 2 * unit)
     down = -(model.positions(step.state.x) - model.reference)[top, 1].mean()
     return float(down / (SETTLES * unit)), tuple(said for said in step.remarks if "between its points" in said)
@@ -73,6 +76,16 @@ def test_what_is_said_to_help_does(upper: int, lower: int, rule: str) -> None:
     came, said = pressed(upper, lower, rule)
     assert came == pytest.approx(1.0, abs=0.01)
     assert said == ()
+
+
+@pytest.mark.parametrize("rule", ["nodes", "faces", "gauss"])
+def test_joints_that_give_way_are_as_deep_as_they_are_meant_to_be(rule: str) -> None:
+    """Springs that are pressed by half as much as the blocks: p / k deep all over, which was said to be between points of few."""
+    springs = Compliant(Springs(normal=1e6 / (0.5 * SETTLES), tangential=1e9))
+    came, said = pressed(4, 4, rule, law=springs)
+    assert came == pytest.approx(1.5, abs=0.01)
+    assert said == ()
+    assert len(pressed(1, 50, rule, law=springs)[1]) == 1
 
 
 @pytest.mark.parametrize(("upper", "lower", "named"), [(1, 50, 1), (4, 4, 0)])

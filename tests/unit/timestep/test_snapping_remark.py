@@ -9,7 +9,7 @@ from fcsim.assembly.model import build_model
 from fcsim.assembly.supports import Support
 from fcsim.contact_detection import Detector, Everything, SurfacePair
 from fcsim.contact_detection.surfaces.model_surfaces import contact_surface
-from fcsim.contact_law import Compliant, Springs
+from fcsim.contact_law import Cohesive, Compliant, Springs
 from fcsim.mesh import Body, Part
 from fcsim.mesh.blocks import rectangle, rigid_rectangle
 from fcsim.mesh.material import Material, saint_venant_kirchhoff
@@ -101,3 +101,27 @@ def test_what_dashpots_of_a_joint_take_is_none_of_it() -> None:
     steps = list(Simulation(model, Detector([pair], model.n_nodes), QuasiStatic(1.0, law=law), 4, witness=None))
     assert_allclose(steps[-1].contact_force_on(1)[1], 1e8 * 4e-4 + 1e9 * 1e-4, rtol=1e-3)
     assert not [remark for step in steps for remark in step.remarks if "released" in remark]
+
+
+def glued(G: float, h: float, steps: int) -> Simulation:
+    """Two blocks of 1 m together, E = 1e9 Pa, glued by 1e5 Pa and drawn apart by 1 m/s: they give 1e-9 m per Pa, the glue 2 G / 1e10."""
+    stone = Material(1e9, 0.0, 1000.0)
+    bodies = [Body("lower", rectangle("lower", (1.0, 0.5), (3, 2), stone))]
+    bodies.append(Body("upper", rectangle("upper", (1.0, 0.5), (5, 2), stone), translation=(0.0, 0.5)))
+    supports = [Support("lower", ("x", "y"), "y-"), Support("upper", ("x",), "y+"), Support("upper", ("y",), "y+", velocity=1.0)]
+    model = build_model(bodies, supports=supports)
+    pair = SurfacePair(contact_surface(model, [("upper", "y-")]), contact_surface(model, [("lower", "y+")]), 0.3, 0.02, "mortar")
+    law = Cohesive(tension=1e5, mode_1=G, mode_2=G)
+    return Simulation(model, Detector([pair], model.n_nodes), QuasiStatic(h, law=law), steps)
+
+
+@pytest.mark.parametrize("h", [3e-4, 1e-3])
+def test_glue_that_breaks_slower_than_its_blocks_give_way_says_nothing(h: float) -> None:
+    """Along one path of equilibria; what opened glue loses of its force was said to be released."""
+    assert not snaps(glued(200.0, h, 5))
+
+
+def test_glue_that_breaks_faster_than_its_blocks_give_way_snaps() -> None:
+    """At 0.78 of its strength they hold 0.78^2 5 J and are given 0.78 (0 + 1e5) / 2 times 3.9e-5 m until it is gone, which takes 1 J."""
+    ((_, said),) = snaps(glued(1.0, 3.9e-5, 3))
+    assert float(said.split(": ")[1].split(" J")[0]) == pytest.approx(0.78**2 * 5 + 0.78e5 / 2 * 3.9e-5 - 1.0, rel=0.01)

@@ -36,20 +36,30 @@ def _damped(scheme: QuasiStatic) -> bool:
     return any(isinstance(each, Springs) and each.normal_damping > 0 for each in springs)
 
 
+def _broken(step: Step, stored: float) -> float:
+    """What the fracture of joints took in the step [J], of which they hold `stored` more at its end: the force that is left of their
+    strength would give it back as they close."""
+    energy = step.energy
+    if not energy.fracture_dissipation > 0:
+        return 0.0
+    return max(min(energy.fracture_dissipation, energy.normal_dissipation) - stored, 0.0)
+
+
 class _Loaded(NamedTuple):
     """The end of a step: its number, the configuration x (n_dofs,), what supports and loads exert there (n_dofs,) [N], the energy [J] that
-    bodies and joints hold."""
+    bodies and joints hold, and joints alone."""
 
     number: int
     x: FloatArray
     force: FloatArray
     stored: float
+    joints: float
 
 
 class Snapping:
     """The remark on the first step of statics that snaps: call it with the steps in turn.
 
-    With f the forces of supports and loads at both ends of a step, E what bodies hold, D what friction and materials take,
+    With f the forces of supports and loads at both ends of a step, E what bodies hold, D what friction, fracture and materials take,
 
         R = (f_0 + f_1) . dx / 2 - (E_1 - E_0) - D
 
@@ -69,12 +79,13 @@ class Snapping:
             return {}
         force = step.support_impulse + model.load(step.state.t, x) + pushing(model, x, When.at(step.state.t))
         energy = step.energy
-        before, self._before = self._before, _Loaded(step.number, x, force, energy.elastic + energy.contact)
+        before, self._before = self._before, _Loaded(step.number, x, force, energy.elastic + energy.contact, energy.contact)
         if before is None or before.number != step.number - 1:
             return {}
         dx = x - before.x
         taken = energy.material_dissipation + 2 * max(energy.tangential_dissipation, 0.0)
         taken += 2 * max(energy.normal_dissipation, 0.0) if _damped(scheme) else 0.0
+        taken += _broken(step, energy.contact - before.joints)
         work = 0.5 * float((before.force + force) @ dx)
         released = work - (self._before.stored - before.stored) - taken
         along = 0.5 * abs(float((force - before.force) @ dx))

@@ -8,8 +8,9 @@ from functools import partial
 import numpy as np
 
 from fcsim.arrays import BoolArray, FloatArray
-from fcsim.contact_detection import Detection, Detector, SurfacePair
+from fcsim.contact_detection import Contacts, Detection, Detector, SurfacePair
 from fcsim.contact_detection.detection import innermost
+from fcsim.contact_detection.sweep import brought_back
 from fcsim.ranks import shared_out
 from fcsim.timestep.remarks.coarse import looked_at
 from fcsim.timestep.step import Step
@@ -68,7 +69,8 @@ class Entered:
         real = (contacts.nodes >= 0) & (force > 0)[:, None]
         bears[contacts.nodes[real]] = True
         pointwise = [(number, pair) for number, pair in enumerate(detection.pairs) if pair.candidates in _POINTWISE]
-        looks = [(1, partial(_depth, detection, pair, x, bears)) for _, pair in pointwise]
+        bearing = brought_back(contacts.take(force > 0), x)
+        looks = [(1, partial(_depth, detection, pair, x, bears, bearing)) for _, pair in pointwise]
         for (number, pair), (depth,) in zip(pointwise, _by_size(looks, [pair for _, pair in pointwise]), strict=True):
             least = SEEN * float(size[np.unique(np.concatenate([pair.slave.bodies, pair.master.bodies]))].min())
             if depth > max(NAMED * motion, least):
@@ -82,12 +84,15 @@ class Entered:
         return {}
 
 
-def _depth(detection: Detector, pair: SurfacePair, x: FloatArray, bears: BoolArray) -> FloatArray:
-    """How deep [m] the master's nodes lie in the slave where that `bears` (nodes,), in the mean (1,); x (nodes, d) [m]."""
+def _depth(detection: Detector, pair: SurfacePair, x: FloatArray, bears: BoolArray, bearing: Contacts) -> FloatArray:
+    """How much deeper [m] than the contacts that are `bearing` the master's nodes lie in the slave where that `bears` (nodes,), in the mean
+    (1,); x (nodes, d) [m]."""
     back = SurfacePair(pair.master, pair.slave, 0.0, pair.alert, "nodes", normals=pair.normals)
     there = Detector([back], detection.n_nodes, detection.edge_tolerance, detection.penetration)(x)
     under = there.take((bears[there.nodes] & (there.nodes >= 0) & (there.weights < 0)).any(axis=1))
-    return np.array([np.maximum(-under.gap, 0.0).mean() if len(under) else 0.0])
+    own = np.isin(bearing.bodies[:, 0], pair.slave.bodies) & np.isin(bearing.bodies[:, 1], pair.master.bodies)
+    meant = np.maximum(-bearing.gap[own], 0.0).mean() if own.any() else 0.0
+    return np.array([max(np.maximum(-under.gap, 0.0).mean() - meant, 0.0) if len(under) else 0.0])
 
 
 def _by_size(looks: Sequence[tuple[int, Callable[[], FloatArray]]], pairs: Sequence[SurfacePair]) -> list[FloatArray]:

@@ -28,8 +28,7 @@ import numpy as np
 
 from fcsim.arrays import BoolArray, FloatArray
 from fcsim.contact_detection import Everything, innermost
-from fcsim.contact_detection.contacts import join
-from fcsim.contact_detection.sweep import brought_back
+from fcsim.contact_detection.sweep import brought_back, with_met
 from fcsim.contact_law.law import Implicit
 from fcsim.linear.sparse._vectors_kernels import farthest
 from fcsim.ranks import largest
@@ -87,9 +86,8 @@ def looked_ahead(setup: StepSetup, state: State, met: Encounter, v: FloatArray, 
     bend[at] = np.where((deeper | drawn)[anew], there.gap[anew] - straight[at], np.minimum(there.gap[anew] - straight[at], 0.0))  # (1)
     new = there.take(deeper & ~known & ~of_other_facets(met, there, positions))
     new = brought_back(rolled_back(detection, new, positions, met.meeting.positions), met.meeting.positions)
-    every = join([held, new])
-    order = np.argsort(every.identity, kind="stable")
-    again = asked_again(model, scheme, state, met, every.take(order), np.concatenate([bend, np.zeros(len(new))])[order])
+    order = np.argsort(np.concatenate([held.identity, new.identity]), kind="stable")
+    again = asked_again(model, scheme, state, met, with_met(held, new, there), np.concatenate([bend, np.zeros(len(new))])[order])
     same = len(again.contacts) == len(held) and np.array_equal(again.terms.w, met.terms.w)
     return None if same else again  # a law that does not ask for gaps
 

@@ -13,8 +13,8 @@ import numpy as np
 from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.assembly.model import Model
 from fcsim.contact_detection import Detection, Detector, Everything, ExactContacts, innermost
-from fcsim.contact_detection.contacts import Contacts, join
-from fcsim.contact_detection.sweep import brought_back
+from fcsim.contact_detection.contacts import Contacts
+from fcsim.contact_detection.sweep import brought_back, with_met
 from fcsim.errors import InputError
 from fcsim.timestep.encounter import Encounter, asked_again
 from fcsim.timestep.scheme import StepSetup
@@ -60,7 +60,7 @@ def came_together(setup: StepSetup, state: State, met: Encounter, after: State) 
         return replace(again, ending=met.ending, released=released)
     if isinstance(innermost(detection), ExactContacts) and len(anew := _bent(met, there, begin, end)):
         found = brought_back(rolled_back(detection, there.take(_of_pairs(there, anew)), end, begin), begin)
-        return _with(setup, state, met, held.take(~_of_pairs(held, anew)), found)
+        return _with(setup, state, met, held.take(~_of_pairs(held, anew)), found, there)
     found, ending = _closed(met, _met_far(model, met, detection, end - begin), end), met.ending
     found = found.take(~_of_pairs(found, ending))
     if len(found):
@@ -75,14 +75,12 @@ def came_together(setup: StepSetup, state: State, met: Encounter, after: State) 
         found = brought_back(rolled_back(detection, found, end, begin), begin)
     if not len(found):
         return None
-    return replace(_with(setup, state, met, held, found), ending=ending)
+    return replace(_with(setup, state, met, held, found, there), ending=ending)
 
 
-def _with(setup: StepSetup, state: State, met: Encounter, held: Contacts, found: Contacts) -> Encounter:
-    """The encounter `met` with the contacts `held` of it and those that were `found`."""
-    every = join([held, found])
-    every = every.take(np.argsort(every.identity, kind="stable"))
-    again = asked_again(setup.model, setup.scheme, state, met, every)
+def _with(setup: StepSetup, state: State, met: Encounter, held: Contacts, found: Contacts, there: Contacts) -> Encounter:
+    """The encounter `met` with the contacts `held` of it and those that were `found` on the way, or `there`, at its end."""
+    again = asked_again(setup.model, setup.scheme, state, met, with_met(held, found, there))
     return replace(again, ending=met.ending, released=met.released)
 
 

@@ -1,0 +1,82 @@
+"""Rings that fit each other, of cells of first order raised to second: their middle nodes lie on the chords, and a run says so.
+
+Between a hub and a casing that give nothing a ring of the radii a, b is pressed into one of b, c by the interference i: u = A (r - a^2 / r)
+within, B (r - c^2 / r) without, of plane strain, so that p = i / (s_i + s_o) with
+
+    s = b |1 - k| / (2 G (1 / (1 - 2 nu) + k)),  k = (a / b)^2, (c / b)^2                                  (G. Lame, 1852)
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from fcsim import (
+    Body,
+    Detector,
+    Everything,
+    Material,
+    QuasiStatic,
+    Simulation,
+    Support,
+    SurfacePair,
+    build_model,
+    contact_surface,
+)
+from fcsim.mesh import Part
+
+E, NU, A, B, C, INTERFERENCE = 1e9, 0.3, 0.05, 0.1, 0.15, 2e-5
+
+
+def lame() -> float:
+    """The force between the rings [N] a metre of their axis."""
+    give = [B * abs(1 - k) / (E / (1 + NU) * (1 / (1 - 2 * NU) + k)) for k in ((A / B) ** 2, (C / B) ** 2)]
+    return 2 * np.pi * B * INTERFERENCE / sum(give)
+
+
+def ring(name: str, inner: float, outer: float, around: int, first: float, elements: str, curved: bool) -> Part:
+    """4 cells thick, its first corner at the angle `first` [rad]; curved: with the middle nodes on the circles."""
+    angle, radius = first + 2 * np.pi * np.arange(around) / around, np.linspace(inner, outer, 5)
+    points = (radius[:, None, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)).reshape(-1, 2)
+    here, after = np.arange(around), np.roll(np.arange(around), -1)
+    cells = np.concatenate([np.stack([k + here, k + around + here, k + around + after, k + after], axis=1) for k in np.arange(4) * around])
+    surfaces = {"in": np.stack([after, here], axis=1), "out": 4 * around + np.stack([here, after], axis=1)}
+    part = Part(name, points, cells, "quadrilateral", surfaces, Material(E=E, nu=NU, density=1000.0), elements=elements)
+    if not curved:
+        return part
+    turn = (np.arctan2(part.points[:, 1], part.points[:, 0]) - first) * around / (2 * np.pi)
+    between = np.abs(turn - np.round(turn)) > 0.25
+    on_circles = part.points / np.where(between, np.cos(np.pi / around), 1.0)[:, None]
+    return Part(name, on_circles, part.cells, part.cell_type, part.surfaces, part.material)
+
+
+def pressed(rule: Any, elements: str, curved: bool = False) -> tuple[float, tuple[str, ...]]:
+    """The force between the rings over Lame's, and what is said of their middle nodes."""
+    bodies = [
+        Body("casing", ring("casing", B, C, 28, 0.03, elements, curved)),
+        Body("hub", ring("hub", A, B + INTERFERENCE, 32, 0.0, elements, curved)),
+    ]
+    model = build_model(bodies, supports=[Support("casing", ("x", "y"), "out"), Support("hub", ("x", "y"), "in")])
+    slave, master = contact_surface(model, [("hub", "out")]), contact_surface(model, [("casing", "in")])
+    detection = Everything(model, 0.0) if rule == "Everything" else Detector([SurfacePair(slave, master, 0.0, 1e-3, rule)], model.n_nodes)
+    (step,) = Simulation(model, detection, QuasiStatic(1.0), 1)
+    return step.contact_force[:, 0].sum() / lame(), tuple(said for said in step.remarks if "middle nodes" in said)
+
+
+@pytest.mark.parametrize("rule", ["Everything", "mortar", "segments"])
+def test_middle_nodes_on_chords_are_named(rule: Any) -> None:
+    force, said = pressed(rule, "Q2")
+    assert force > 2.0  # 8 to 18 times as much, without a word
+    assert len(said) == 1
+    assert "'casing' and 'hub' fit each other" in said[0]
+
+
+@pytest.mark.parametrize(
+    ("rule", "elements", "curved"), [("mortar", "Q2", True), ("Everything", "Q2", True), ("mortar", "Q1-enhanced", False)]
+)
+def test_what_is_said_to_help_does(rule: Any, elements: str, curved: bool) -> None:
+    force, said = pressed(rule, elements, curved)
+    assert force == pytest.approx(1.0, abs=0.05)
+    assert said == ()
