@@ -74,7 +74,7 @@ def test_a_wrong_face_is_seen() -> None:
 
 def test_overlap_of_a_step_s_way_under_the_law_velocity_names_the_step() -> None:
     """A cube that comes at 1 m/s goes 1 cm a step, 5 % of it, and is held as deep as that takes it."""
-    fall = simulation(0.004)
+    fall = simulation(0.006)
     start = at_rest(fall.model)
     start.v[fall.model.dof_offset[1] + 2] = -1.0
     run = replace(fall, scheme=Theta(1e-2, 0.5, Velocity()), initial=start, witness=Witness(every=1))
