@@ -79,15 +79,15 @@ def at_end(
 
 def _has_others(model: Model, detection: Detection, met: Encounter, moved: FloatArray) -> bool:
     """Whether bodies moved by (n_nodes, d) [m] may have other contacts than those of the step: what turns and slides. With exact shapes
-    those but balls that turn so far that they lie deeper in between by what counts, R (omega h)^2 / 8 with R half their size."""
+    those that turn, but about their own axes, so far from x_m on that they lie deeper by what counts: R angle^2 / 2, R half their size."""
     within = innermost(detection)
     if isinstance(within, Everything):
         return moves(met, moved)
     if not isinstance(within, ExactContacts):
         return False
-    turned, sizes = turns(model, moved), met.meeting.proportions.size
-    turned[within.solids.body[within.solids.of("sphere")]] = 0.0
-    return bool(np.any(turned**2 > 4 * SUNK * sizes**2))
+    turned, solids = turns(model, moved), within.solids
+    turned[solids.body] = solids.swung(moved)
+    return bool(np.any(turned**2 > SUNK * met.meeting.proportions.size**2))
 
 
 def _depth(contacts: Contacts) -> float:
