@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from fcsim.arrays import FloatArray
@@ -23,6 +25,9 @@ SETTLED, BORNE = 4, 1e-9
 
 ROUNDS, ROUNDS_OF_STATICS = 12, 40
 
+MIXED, INDEPENDENT = 3, 1e-8
+"""Rounds whose differences are mixed, and the least share of the largest of them that counts."""
+
 FARTHEST = 1.0
 """Of a round of statics: the angle [rad] by which it turns rigid bodies, and the share of their length by which rods and springs are
 lengthened or turned, at the most; how forces turn is known for less only."""
@@ -38,6 +43,7 @@ class Closing:
         """extent [m]: size of the model."""
         self.rows, self._extent, self._rounds, self.given_up = rows, extent, 0, False
         self._at = np.empty(0)  # increments at which rows of statics were taken; empty: none
+        self._past: list[tuple[FloatArray, FloatArray]] = []  # b of the rounds so far and what each adds, newest last
 
     def impulse(self, multiplier: FloatArray | None) -> FloatArray | float:
         """G l (n_dofs,) [N s; quasi-statics: N]."""
@@ -65,11 +71,26 @@ class Closing:
         self.rows.refuse_contradictions(v, scheme.timing.length_per_u, self._extent)
         missing = self.rows.missing(model, scheme, v, ends[1])
         worst = float(np.abs(missing).max(initial=0.0)) / self._extent
-        later = self.rows.bent(model, scheme, v, ends, missing)
+        later = self._sooner(self.rows, self.rows.bent(model, scheme, v, ends, missing))
         change = self.rows.change(later, model, scheme, self._extent)
         if worst <= CLOSED and change <= (TURNED if self._rounds < SETTLED else BORNE):
             return True
         return self._again(later, max(worst, change), ROUNDS, attempts, share)
+
+    def _sooner(self, rows: Linked, later: Linked) -> Linked:
+        """The `later` rows of rigid bodies, whose directions stay, by Anderson's mixing: b + f less (dB + dF) c, c the least squares of
+        dF c = f, f = later.b - b what a round adds, dB and dF the differences of `MIXED` rounds. By b + f alone what bodies that spin turn
+        by in a step is the rate of convergence."""
+        if later.G is not rows.G:
+            return later
+        b, f = rows.b, later.b - rows.b
+        grows = bool(self._past) and np.linalg.norm(f) > np.linalg.norm(self._past[-1][1])  # contacts have changed
+        self._past = [*([] if grows else self._past[-MIXED:]), (b, f)]
+        if len(self._past) < 2:
+            return later
+        dB, dF = (np.diff(np.stack(values, axis=1), axis=1) for values in zip(*self._past, strict=True))
+        c = np.linalg.lstsq(dF, f, rcond=INDEPENDENT)[0]
+        return replace(later, b=b + f - (dB + dF) @ c)
 
     def _keep_in_statics(
         self,
