@@ -428,7 +428,7 @@ def test_a_tied_body_in_free_flight_keeps_energy_and_angular_momentum() -> None:
 @pytest.mark.each_value
 @pytest.mark.parametrize("spin", [100.0, 300.0])
 def test_a_gyroscope_that_turns_by_half_a_radian_a_step_closes_in_a_few_rounds(spin: float) -> None:
-    """A disc on a ball joint, its axis level as it is let go, beside the equations of a heavy symmetric top: L' = l e x m g, e' = L x e / I.
+    """A disc on a ball joint, its axis level at first, beside the equations of a heavy symmetric top: L' = l e x m g, e' = L x e / I.
     Rounds that only add what is missing close by some rate of what it turns by in a step: ten at 0.2 rad, at 0.6 none did."""
     r, l, h = 0.1, 0.2, 2e-3
     disc = rigid_cylinder("disc", r, 0.02, (l, 0, 0), 1.0, axis=(1, 0, 0))
