@@ -115,7 +115,7 @@ def test_a_box_at_rest_has_no_impact_that_gives_energy(h: float) -> None:
 
 @pytest.mark.parametrize("theta", [0.5, 0.8, 1.0])
 def test_a_ball_that_rebounds_has_no_impact_that_gives_energy(theta: float) -> None:
-    """It falls straight, there is no slip to turn, and it keeps e^2 of its energy; at theta > 1 / (1 + e) the scheme counts r u+ instead."""
+    """It falls straight, without slip, and keeps e^2 of its energy; at theta > 1 / (1 + e) the scheme counts r u+ instead."""
     ball = rigid_sphere("ball", 0.05, (0, 0, 0.06), 1.0)
     model = build_model(
         [rigid_plane("floor", (0, 0, 0), (0, 0, 1)), ball], supports=[Support("floor", HELD)], gravity=lambda t: (0, 0, -9.81)
