@@ -17,6 +17,7 @@ from fcsim.assembly.model import Model
 from fcsim.assembly.whole.kept_once import keep_in_common
 from fcsim.brief import brief, by_fields, shown
 from fcsim.contact_detection import Detection, left_out
+from fcsim.contact_law import Velocity
 from fcsim.errors import InputError, Penetration
 from fcsim.linkage import Linkage
 from fcsim.runtime import limited_threads
@@ -56,8 +57,9 @@ class Simulation:
     in the remarks of a step.
     linkage: the links that hold bodies together, equality constraints of every step, see `Closing`.
 
-    The witness measures the bodies' overlap before the first step, every few steps and after the last, and refuses or stops what is
-    beyond its tolerance: InputError before the first step, Penetration after the step that is yielded last. None: nobody looks.
+    The witness measures the bodies' overlap before the first step, every few steps (each in which bodies turn fast) and after the last,
+    and refuses or stops what is beyond its tolerance: InputError before the first step, Penetration after the step that is yielded last.
+    None: nobody looks.
     """
 
     model: Model
@@ -128,7 +130,10 @@ class Simulation:
 
     def _witnessed(self, step: Step) -> Step:
         """The step with its overlap, where it is one that is measured."""
-        if self.watch is None or (step.number % self.watch.witness.every and step.number != self.steps):
+        if self.watch is None:
+            return step
+        h = self.scheme.h if self.scheme.timing.moving else 0.0
+        if step.number % self.watch.witness.every and step.number != self.steps and not self.watch.always(step.state.v, h):
             return step
         return replace(step, overlap=self.watch.look(step.state.x))
 
@@ -170,7 +175,8 @@ class Simulation:
                 raise left(error, self.model, self.linkage, self.scheme, after.state) from None
             if watch is not None and watch.witness.stop and step.overlap is not None and step.overlap.beyond:
                 soft = step.encounter.terms.compliance is not None
-                raise Penetration(penetration_seen(step.number, step.state.t, step.overlap, watch.witness.tolerance, soft))
+                late = isinstance(self.scheme.law, Velocity)
+                raise Penetration(penetration_seen(step.number, step.state.t, step.overlap, watch.witness.tolerance, soft, late))
             del step  # its W is not kept while the next one is made
             if self.keep and moment.number % self.keep == 0:
                 kept, anchor = {}, moment

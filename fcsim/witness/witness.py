@@ -17,6 +17,8 @@ from fcsim.witness.overlap import Overlap, PairOverlaps, measure
 from fcsim.witness.skin import Skins, skins_of
 
 RESOLUTION = 1e-3
+TURN = 0.5
+"""[rad] What turns by more in a step may have gone through another body before the next measurement."""
 _NAMED = 3
 
 
@@ -24,7 +26,7 @@ _NAMED = 3
 class Witness:
     """When bodies' overlap is measured, and how much of it is borne.
 
-    every      steps between two measurements; the last step is always measured
+    every      steps between two measurements; the last step, and those in which a rigid body turns by more than `TURN`, are always measured
     tolerance  overlap borne, relative to the smallest extent of the smaller of two bodies; less than a thousandth of it counts as none.
                The law `Velocity` finds an impact when it is past: what approaches by v h a step may overlap by that much
     initial    "refuse": bodies that overlap by more before the first step are an InputError; "allow": each pair may keep what it has then,
@@ -79,6 +81,14 @@ class Watch:
             listed = ", ".join(f"{one!r} and {other!r}" for one, other in pairs) + (f" and {more} more pairs" if more else "")
             said.append(f"overlap is not witnessed between {listed}: their contact is left out")
         return tuple(said)
+
+    def always(self, v: FloatArray, h: float) -> bool:
+        """Whether a step h [s] long with the velocities v (n_dofs,) at its end is measured whatever its number: some rigid body that is no
+        ball turns by more than `TURN`."""
+        model = self.model
+        angular = model.rigid_part(v)[:, model.dimension :]
+        bodies = np.array([body.shape is None or body.shape.kind != "sphere" for body in model.rigid], dtype=bool)
+        return bool(np.any(np.einsum("nk,nk->n", angular, angular)[bodies] * h**2 > TURN**2))
 
     def look(self, x: FloatArray) -> Overlap:
         """The overlap in the configuration x (n_dofs,): of the pair that exceeds what it is allowed most, relative to its size."""
@@ -140,12 +150,15 @@ def begin(witness: Witness, model: Model, x: FloatArray, without: IntArray | Non
     return watch
 
 
-def penetration_seen(number: int, t: float, overlap: Overlap, tolerance: float, springs: bool = False) -> str:
-    """The message of a run that stops after step `number` at time t [s] for its overlap; springs: whether contacts give way by springs."""
+def penetration_seen(number: int, t: float, overlap: Overlap, tolerance: float, springs: bool = False, late: bool = False) -> str:
+    """The message of a run that stops after step `number` at time t [s] for its overlap; springs: whether contacts give way by springs;
+    late: whether its law, `Velocity`, finds an impact when it is past."""
     assert overlap.bodies is not None
     a, b = overlap.bodies
     at = ", ".join(f"{c:.4g}" for c in overlap.point)
     why = "The springs of the contact law are too soft for what presses on them, or contacts" if springs else "Contacts"
+    if late:
+        why = "The law Velocity lets in what approaches by up to its way in a step, which is too long, or contacts"
     return (
         f"penetration seen after step {number}, t = {t:.6g} s, at ({at}) between {a!r} and {b!r}: {overlap.depth:.3g} m, "
         f"{100 * overlap.share:.3g} % of the smaller one's extent, where {100 * tolerance:g} % is borne. {why} were missed or not "

@@ -8,7 +8,7 @@ from fcsim import Body, Gap, Material, RigidBody, Step, build_model
 from fcsim.contact_detection.exact import ExactContacts
 from fcsim.mesh import brick, rigid_box, rigid_capsule, rigid_cylinder, rigid_plane, rigid_sphere
 from fcsim.mesh.exact.rigid_polyhedron import rigid_polyhedron
-from tests.analytic.test_exact_shapes import G, simulation
+from tests.analytic.test_exact_shapes import G, of, simulation
 
 W = 3.0 * G
 X, Y, Z = (1, 0, 0), (0, 1, 0), (0, 0, 1)
@@ -144,3 +144,22 @@ def test_contacts_found_on_the_way_stand_on_their_master() -> None:
     assert floor.sum() == 9
     assert_allclose(found.point[floor][:, 2], 0, atol=1e-12)
     assert_allclose(np.sort(found.gap[floor]), [0.28, *[0.35] * 4, *[0.45] * 4], atol=1e-12)
+
+
+@pytest.mark.each_value
+@pytest.mark.parametrize(("centre", "width"), [(0.35, 0.1), (0.46, 0.04), (0.48, 0.02)])
+@pytest.mark.parametrize("drop", [0.0, 1e-3])
+@pytest.mark.parametrize("kind", ["box", "keel"])
+def test_what_lies_on_a_lying_cylinder_is_not_held_by_its_end(centre: float, width: float, drop: float, kind: str) -> None:
+    """A box, or the level keel of a prism, across the side of a held cylinder, its faces across the axis: it stays, and bears its weight.
+    A hair within the side, these faces look at the end of the cylinder from within, 0.01 to 0.2 m deep."""
+    log = rigid_cylinder("log", 0.1, 1.0, (0, 0, 0), 1.0, axis=X)
+    ends = centre + 0.5 * width * np.array([-1.0, 1.0])
+    keel = [(x, y, 0.1 + drop + abs(y)) for x in ends for y in (-0.2, 0.0, 0.2)]
+    box = rigid_box("top", (width, 0.3, 0.1), (centre, 0, 0.15 + drop), 1.0)
+    top = box if kind == "box" else rigid_polyhedron("top", keel, 500.0)
+    steps = list(simulation([log, top], 40, 2e-3, Gap(), held=("log",)))
+    moved, force = of(steps[-1], "top", "x"), np.array([step.contact_force_on("top") for step in steps])
+    assert_allclose(moved[:3], (0, 0, -drop), atol=1e-8)
+    assert_allclose(force[:, 0], 0, atol=1e-5)
+    assert_allclose(force[-1, 2], top.mass * G, rtol=1e-6)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from fcsim.arrays import BoolArray, FloatArray, IntArray
+from fcsim.contact_detection.exact.facets import feet_of
 from fcsim.contact_detection.exact.mesh_skin import MeshSkin, normals
 from fcsim.contact_detection.exact.rims_on_edges import crossings_of_rims
 from fcsim.contact_detection.exact.solids import Placed, Touch, joined, no_touch, rim_points
@@ -14,6 +15,7 @@ from fcsim.contact_detection.surfaces.ragged import each_of
 _DEEP = 0.5  # of the radius: what lies deeper is another part
 _ROUND = 1e-9  # of a facet or a radius: points on a border are on either side of it
 _FACING = 0.1  # cosine: facets and sides of a vertex that look less against an end lie along it
+_OTHER = 0.5  # of the depth below a face: what is nearer to another one leaves by that
 _LEVEL = 0.02  # sine between an end and an edge that lies in it
 _FLAT = 1 - 1e-9  # cosine between facets of one face: the edge between them is none
 
@@ -52,6 +54,8 @@ def _rims_on_faces(now: Placed, skin: MeshSkin, x: FloatArray, normal: FloatArra
             s, t = (cc * ab - bc * ac) / det, (bb * ac - bc * ab) / det
             keep = in_front & (s >= -_ROUND) & (t >= -_ROUND) & (s + t <= 1 + _ROUND)
             keep &= (height <= alert) & (height > -_DEEP * now.solids.radius[k])
+            deep = np.flatnonzero(keep & (height < -_ROUND * now.solids.radius[k]))
+            keep[deep] = ~_nearer_to_another(skin, x, points[deep, third], skin.body[f[deep]], -height[deep], middle, size)
             code = (3 * (end > 0) + third) + 6 * i[keep]
             weights = np.stack([1 - s - t, s, t], axis=1)[keep]
             foot = points[keep, third] - height[keep, None] * n[keep]
@@ -59,6 +63,21 @@ def _rims_on_faces(now: Placed, skin: MeshSkin, x: FloatArray, normal: FloatArra
             touch = _touch(now, skin, k[keep], n[keep], points[keep, third], foot, skin.facets[f[keep]], weights, f[keep], code)
             found.append(touch.take(once))
     return joined(found)
+
+
+def _nearer_to_another(
+    skin: MeshSkin, x: FloatArray, points: FloatArray, body: IntArray, depth: FloatArray, middle: FloatArray, size: FloatArray
+) -> BoolArray:
+    """Which points (n, 3), `depth` (n,) [m] below a face of the bodies (n,), leave them by another one of less than half that depth: a rim
+    beside the face of a body that lies on the side. middle, size: of the facets."""
+    if not len(points):
+        return np.zeros(0, dtype=bool)
+    point, facet = near_pairs(points, middle, size + _OTHER * float(depth.max()))
+    same = skin.body[facet] == body[point]
+    feet = feet_of(skin, x, points, point[same], facet[same])
+    least = np.full(len(points), np.inf)
+    np.minimum.at(least, feet.point, feet.distance)
+    return least < _OTHER * depth
 
 
 def _once(code: IntArray, body: IntArray, normal: FloatArray) -> IntArray:
@@ -78,8 +97,7 @@ def _ends_on_vertices(now: Placed, skin: MeshSkin, x: FloatArray, normal: FloatA
     out = end[:, None] * now.along[k]
     gap = np.abs(s) - now.solids.half[k]
     aside = np.linalg.norm(arm - s[:, None] * now.along[k], axis=1)
-    keep = (aside < now.solids.radius[k] * (1 - _ROUND)) & (gap <= alert)
-    keep &= gap > -_DEEP * np.minimum(now.solids.radius[k], now.solids.half[k])
+    keep = (aside < now.solids.radius[k] * (1 - _ROUND)) & (gap <= alert) & _out_by_the_end(now, k, gap, aside)
     i, v, k, out, gap = i[keep], v[keep], k[keep], out[keep], gap[keep]
     looks, clear = _surroundings(skin, x, normal, v, out)
     good = looks & clear
@@ -90,6 +108,14 @@ def _ends_on_vertices(now: Placed, skin: MeshSkin, x: FloatArray, normal: FloatA
     facet[skin.vertex] = np.arange(len(skin.facets))[:, None]
     feature = len(skin.facets) + len(skin.edges) + v
     return _touch(now, skin, k, -out, at[v] - gap[:, None] * out, at[v], nodes, weights, facet[v], 6 * i, feature)
+
+
+def _out_by_the_end(now: Placed, k: IntArray, gap: FloatArray, aside: FloatArray) -> BoolArray:
+    """Which vertices and edges, `aside` (n,) [m] from the axes of the cylinders k, leave them by an end, -gap below it, not by the side:
+    what lies on a lying cylinder is a hair within it, and far from its ends."""
+    radius = now.solids.radius[k]
+    shallow = gap > -_DEEP * np.minimum(radius, now.solids.half[k])
+    return shallow & (-gap <= np.maximum(radius - aside, _ROUND * radius))
 
 
 def _surroundings(skin: MeshSkin, x: FloatArray, normal: FloatArray, v: IntArray, out: FloatArray) -> tuple[BoolArray, BoolArray]:
@@ -117,6 +143,7 @@ def _ends_on_edges(now: Placed, skin: MeshSkin, x: FloatArray, normal: FloatArra
     u, w = (y - np.einsum("nd,nd->n", y, axis)[:, None] * axis for y in (arm, along))
     a, b, c = (np.einsum("nd,nd->n", *pair) for pair in ((w, w), (u, w), (u, u)))
     root = b**2 - a * (c - now.solids.radius[k] ** 2)
+    aside = np.sqrt(np.maximum(c - b**2 / np.maximum(a, 1e-300), 0.0))
     found = []
     for turn, sign in enumerate((-1.0, 1.0)):
         t = (-b + sign * np.sqrt(np.maximum(root, 0))) / np.maximum(a, 1e-300)
@@ -126,7 +153,7 @@ def _ends_on_edges(now: Placed, skin: MeshSkin, x: FloatArray, normal: FloatArra
         gap = np.abs(s) - now.solids.half[k]
         either = np.einsum("nsd,nd->sn", normal[skin.edge_facets[edges[e]]], out)
         facing = either.min(axis=0) < -1 + _LEVEL
-        keep = level & facing & (root > 0) & (t > 0) & (t < 1) & (gap <= alert) & (gap > -_DEEP * now.solids.half[k])
+        keep = level & facing & (root > 0) & (t > 0) & (t < 1) & (gap <= alert) & _out_by_the_end(now, k, gap, aside)
         n, at, share, edge = -out[keep], (now.centre[k] + place)[keep], t[keep], edges[e[keep]]
         nodes = np.column_stack([skin.edges[edge], np.full(len(edge), -1)])
         weights = np.column_stack([1 - share, share, np.zeros(len(edge))])

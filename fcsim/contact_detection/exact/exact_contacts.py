@@ -166,11 +166,17 @@ class ExactContacts:
             return self._at(placed_on_the_way(self.solids, there), there, further, now)
 
         met = with_swept(begin, met_at, x, way, times, alert)
-        # a point of a solid moves with weights of both signs: its place is told by the master's columns, not by the signs
-        alone = (met.identity - EXACT) >> KIND == _ON_PLANES[x.shape[1]]
-        master = np.arange(met.nodes.shape[1]) >= np.where(alone, 1, x.shape[1] + 1)[:, None]
-        weights = np.where(master & (met.nodes >= 0), -met.weights, 0.0)
-        return replace(met, point=np.einsum("ak,akd->ad", weights, x[met.nodes]))
+        return self.on_their_master(met, x)
+
+    def on_their_master(self, contacts: Contacts, x: FloatArray) -> Contacts:
+        """Contacts found elsewhere with their points on the master at x (n_nodes, d) [m]: a point of a solid moves with weights of both
+        signs, so that its place is told by the master's columns, not by the signs."""
+        alone = (contacts.identity - EXACT) >> KIND == _ON_PLANES[x.shape[1]]
+        master = np.arange(contacts.nodes.shape[1]) >= np.where(alone, 1, x.shape[1] + 1)[:, None]
+        weights = np.where(master & (contacts.nodes >= 0), -contacts.weights, 0.0)
+        exact = contacts.identity >= EXACT  # those among meshed bodies have theirs
+        point = np.where(exact[:, None], np.einsum("ak,akd->ad", weights, x[contacts.nodes]), contacts.point)
+        return replace(contacts, point=point)
 
     def rolled_back(self, contacts: Contacts, there: FloatArray, begin: FloatArray) -> Contacts:
         """Contacts found at positions `there` (n_nodes, d) [m] with the weights of points of round bodies that touched in the same place

@@ -19,6 +19,7 @@ _FLAT = 1 - 1e-6  # cosine between the faces of an edge that is none
 _SAMPLES, _NEWTON = 48, 8
 _ROUND = 1e-9
 _DEEP = 0.5  # of the radius: what lies deeper is another part
+_HAIR = 1e-3  # of the radius: what is no deeper on a sharp edge is held by it
 _CODES = np.array([0, 3, 4, 5])  # of the six of a cylinder and an edge: two are of edges that lie in an end
 
 
@@ -60,7 +61,8 @@ def crossings_of_rims(
     overlaps = within(now, k, inner)
     for side in range(2):
         keep &= np.einsum("nd,nd->n", N, middle_of[faces[:, side]] - q) <= _ROUND * size[e]
-        overlaps &= np.einsum("nd,nd->n", inner - q, normal[faces[:, side]]) <= 0
+        acute = (np.einsum("nd,nd->n", N, normal[faces[:, side]]) < 0) & (gap > -_HAIR * r[k])  # against N it leaves the body
+        overlaps &= acute | (np.einsum("nd,nd->n", inner - q, normal[faces[:, side]]) <= 0)
     keep &= (gap >= -_ROUND * r[k]) | overlaps
     first = np.einsum("nd,nd->n", out, np.cross(now.along[k], direction)) > 0  # the two are mirrored about the plane of axis and edge
     code = _CODES[2 * (end > 0) + first]

@@ -31,6 +31,14 @@ class Solids(NamedTuple):
         """Numbers of the solids of these kinds."""
         return np.flatnonzero([kind in kinds for kind in self.kind])
 
+    def swung(self, moved: FloatArray) -> FloatArray:
+        """How far (ns,) [m] the ends of capsules and cylinders go beside their middles, by the nodes' motions (n_nodes, d) [m]; else 0."""
+        moves = moved[self.node]
+        turned = np.linalg.norm(np.einsum("nij,ni->nj", moves[:, 1:] - moves[:, :1], self.axis), axis=1) / self.arm
+        flat = np.isin(np.arange(len(self.kind)), self.of("cylinder"))
+        far: FloatArray = turned * (self.half + np.where(flat, self.radius, 0.0))
+        return far
+
 
 class Placed(NamedTuple):
     """Solids at positions: centre (ns, d), frame (ns, d, d) columns: the body's axes, along (ns, d): the core's direction."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -24,6 +25,9 @@ SETTLED, BORNE = 4, 1e-9
 """After so many rounds directions that go on changing by no more than this are those of a solver's tolerance."""
 
 ROUNDS, ROUNDS_OF_STATICS = 12, 40
+
+MIXED, INDEPENDENT = 3, 1e-8
+"""Rounds whose differences are mixed, and the least share of the largest of them that counts."""
 
 FARTHEST = 1.0
 """Of a round of statics: the angle [rad] by which it turns rigid bodies, and the share of their length by which rods and springs are
@@ -52,6 +56,7 @@ class Closing:
         self.rows, self.given_up = rows, False
         self._model, self._scheme, self._before, self._extent = model, scheme, before, extent
         self._rounds, self._left = 0, 0.0
+        self._past: list[tuple[FloatArray, FloatArray]] = []  # b of the rounds so far and what each adds, newest last
 
     def impulse(self, multiplier: FloatArray | None) -> FloatArray | float:
         """G l (n_dofs,) [N s; quasi-statics: N]."""
@@ -84,9 +89,24 @@ class Closing:
         rows.refuse_contradictions(v, scheme.timing.length_per_u, extent)
         missing = rows.missing(model, scheme, v, after)
         worst = float(np.abs(missing).max(initial=0.0)) / extent
-        later = rows.bent(model, scheme, v, (self._before, after), missing)
+        later = self._sooner(rows, rows.bent(model, scheme, v, (self._before, after), missing))
         change = rows.change(later, model, scheme, extent)
         return _Round(later, max(worst, change), worst <= CLOSED and change <= (TURNED if self._rounds < SETTLED else BORNE))
+
+    def _sooner(self, rows: Linked, later: Linked) -> Linked:
+        """The `later` rows of rigid bodies, whose directions stay, by Anderson's mixing: b + f less (dB + dF) c, c the least squares of
+        dF c = f, f = later.b - b what a round adds, dB and dF the differences of `MIXED` rounds. By b + f alone what bodies that spin turn
+        by in a step is the rate of convergence."""
+        if later.G is not rows.G:
+            return later
+        b, f = rows.b, later.b - rows.b
+        grows = bool(self._past) and np.linalg.norm(f) > np.linalg.norm(self._past[-1][1])  # contacts have changed
+        self._past = [*([] if grows else self._past[-MIXED:]), (b, f)]
+        if len(self._past) < 2:
+            return later
+        dB, dF = (np.diff(np.stack(values, axis=1), axis=1) for values in zip(*self._past, strict=True))
+        c = np.linalg.lstsq(dF, f, rcond=INDEPENDENT)[0]
+        return replace(later, b=b + f - (dB + dF) @ c)
 
 
 class ClosingInStatics(Closing):

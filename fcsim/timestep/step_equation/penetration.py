@@ -7,14 +7,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from fcsim.arrays import FloatArray
-from fcsim.contact_detection import Detection, Everything, innermost
+from fcsim.assembly.model import Model
+from fcsim.contact_detection import Detection, Everything, ExactContacts, innermost
 from fcsim.contact_detection.contacts import Contacts
 from fcsim.contact_detection.sweep import bounded
 from fcsim.timestep.chain import Attempt
 from fcsim.timestep.encounter import Encounter
 from fcsim.timestep.scheme import StepSetup
 from fcsim.timestep.state import State
-from fcsim.timestep.step_equation.look_ahead.lengths import moves
+from fcsim.timestep.step_equation.look_ahead.lengths import moves, turns
 from fcsim.timestep.step_equation.loops.lost_contacts import Lost, lost
 
 LOOKED_AT = 1e-6
@@ -50,9 +51,9 @@ def at_end(setup: StepSetup, ends: tuple[State, State], began: Encounter, met: E
     Contacts are kept where they are detected, at x_m and x_m', on the motion that `look_ahead` foresees. In between, at the end of the
     step, what turns by omega h lies deeper by up to R (omega h)^2 / 8; where many contacts bend at once, looking ahead may end before
     all of them are met; and a contact that it brings back to x_m may have a gap there that is less than the bodies', which a law takes
-    for penetration that is old and leaves at x_m'. Each error is a quarter, or less, in half the step. Only `Everything`, which answers
-    for all contacts, has its steps cut: with listed surfaces a step is what its scheme makes of them, the depth between its contacts'
-    instants and its end included.
+    for penetration that is old and leaves at x_m'. Each error is a quarter, or less, in half the step. Only `Everything` and
+    `ExactContacts`, which answer for all contacts, have their steps cut: with listed surfaces a step is what its scheme makes of them, the
+    depth between its contacts' instants and its end included.
     """
     model, detection, scheme, (before, after) = setup.model, setup.detection, setup.scheme, ends
     positions = model.positions(after.x)
@@ -61,19 +62,32 @@ def at_end(setup: StepSetup, ends: tuple[State, State], began: Encounter, met: E
         gone = lost(model, began, found, model.positions(before.x), positions)
         return AtEnd(_depth(found), False, gone)
     moved = positions - met.meeting.positions
-    if isinstance(innermost(detection), Everything) and moves(met, moved):  # what turns and slides has other contacts there
+    if _has_others(model, detection, met, moved):
         deepest, deep = 0.0, True
     else:
         deepest, deep = _followed(met, moved)
     there = detection(positions) if deep else None
     penetration = deepest if there is None else _depth(there)
-    answers = isinstance(innermost(detection), Everything) and len(met.contacts) > 0 and met.keeps_apart(scheme.law)
+    answers = isinstance(innermost(detection), Everything | ExactContacts) and len(met.contacts) > 0 and met.keeps_apart(scheme.law)
     if not answers or (settled and there is None):
         return AtEnd(penetration, False)
     sinks = there is not None and _deeper(detection, met, there)
     if not sinks:
         sinks = _deeper(detection, met, detection(model.positions(scheme.detection_configuration(model, after))))
     return AtEnd(penetration, sinks)
+
+
+def _has_others(model: Model, detection: Detection, met: Encounter, moved: FloatArray) -> bool:
+    """Whether bodies moved by (n_nodes, d) [m] may have other contacts than those of the step: what turns and slides. With exact shapes
+    those that turn, but about their own axes, so far from x_m on that they lie deeper by what counts: R angle^2 / 2, R half their size."""
+    within = innermost(detection)
+    if isinstance(within, Everything):
+        return moves(met, moved)
+    if not isinstance(within, ExactContacts):
+        return False
+    turned, solids = turns(model, moved), within.solids
+    turned[solids.body] = solids.swung(moved)
+    return bool(np.any(turned**2 > SUNK * met.meeting.proportions.size**2))
 
 
 def _depth(contacts: Contacts) -> float:

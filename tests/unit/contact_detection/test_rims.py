@@ -8,6 +8,7 @@ from scipy.spatial.transform import Rotation
 from fcsim import Gap, Simulation, State, Theta, at_rest, build_model
 from fcsim.contact_detection.exact import ExactContacts
 from fcsim.mesh import RigidBody, rigid_box, rigid_cylinder
+from fcsim.mesh.exact.rigid_polyhedron import rigid_polyhedron
 
 
 def pair(rng: np.random.Generator, gap: float, unit: float) -> tuple[list[RigidBody], np.ndarray]:
@@ -106,3 +107,21 @@ def test_cylinders_that_meet_with_their_rims_bounce_off_each_other() -> None:
     masses = np.array([body.mass for body in model.rigid])
     assert_allclose(masses @ model.rigid_part(met.state.v)[:, :3], -masses[0] * N, atol=1e-9)
     assert all(step.overlap.share < 1e-4 for step in steps if step.overlap is not None)
+
+
+@pytest.mark.parametrize("over", [-1e-5, -1e-8, 1e-8, 1e-6, 5e-5])
+def test_a_sharp_edge_that_lies_a_hair_within_a_rim_is_held(over: float) -> None:
+    """A blade of 30 degrees leans over the rim of a lying cylinder, whose plane across N parts the two; `over` [m] less they overlap. From
+    its edge the way against N leaves the blade by its other face."""
+    cylinder = rigid_cylinder("cylinder", 0.1, 0.3, (0, 0, 0), 1.0, axis=(1, 0, 0))
+    rim, out = np.array([0.15, 0.0, 0.1]), np.array([0.25, 0.0, 1.0]) / np.hypot(0.25, 1.0)
+    along = np.cos(1.0) * np.array([0.0, 1.0, 0.0]) + np.sin(1.0) * np.cross(out, (0.0, 1.0, 0.0))
+    beside = np.cross(along, out)
+    sides = [np.cos(angle) * out + np.sin(angle) * beside for angle in np.radians([55.0, 85.0])]
+    ends = [rim - over * out + end * along for end in (-0.3, 0.3)]
+    points = np.array([end + 0.3 * side for end in ends for side in (*sides, np.zeros(3))])
+    model = build_model([cylinder, rigid_polyhedron("blade", points, 1000.0)])
+    found = ExactContacts(model, 0.3)(model.reference)
+    held = found.take(np.abs(found.frame[:, 0] @ out) > 1 - 1e-4)
+    assert len(held) == 1
+    assert held.gap[0] == pytest.approx(-over, abs=1e-3 * abs(over) + 1e-12)

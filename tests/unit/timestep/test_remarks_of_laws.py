@@ -113,6 +113,16 @@ def test_a_box_at_rest_has_no_impact_that_gives_energy(h: float) -> None:
     assert not _said(Simulation(model, Detector([pair], model.n_nodes), Theta(h, law=Velocity(0.9)), 5), "Kane")
 
 
+@pytest.mark.parametrize("theta", [0.5, 0.8, 1.0])
+def test_a_ball_that_rebounds_has_no_impact_that_gives_energy(theta: float) -> None:
+    """It falls straight, without slip, and keeps e^2 of its energy; at theta > 1 / (1 + e) the scheme counts r u+ instead."""
+    ball = rigid_sphere("ball", 0.05, (0, 0, 0.06), 1.0)
+    model = build_model(
+        [rigid_plane("floor", (0, 0, 0), (0, 0, 1)), ball], supports=[Support("floor", HELD)], gravity=lambda t: (0, 0, -9.81)
+    )
+    assert not _said(Simulation(model, ExactContacts(model, 0.3), Theta(2e-3, theta, Velocity(0.9)), 40), "Kane")
+
+
 def _bonded(**law: Any) -> Simulation:
     floor, block = rigid_box("floor", (1, 1, 0.1), (0, 0, -0.05), 1.0), rigid_box("block", (0.1, 0.1, 0.1), (0, 0, 0.05), 1.0)
     model = build_model([floor, block], supports=[Support("floor", HELD)], gravity=lambda t: (0.0, 0.0, -9.81))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -19,7 +21,9 @@ from fcsim import (
     Support,
     SurfacePair,
     Theta,
+    Velocity,
     Witness,
+    at_rest,
     build_model,
     contact_surface,
     without_contact_of,
@@ -65,6 +69,16 @@ def test_a_wrong_face_is_seen() -> None:
     """With the floor's lower face named as the one to stand on the block falls into it."""
     run = simulation(0.0, steps=200, side="z-")
     with pytest.raises(Penetration, match="Contacts were missed"):
+        list(run)
+
+
+def test_overlap_of_a_step_s_way_under_the_law_velocity_names_the_step() -> None:
+    """A cube that comes at 1 m/s goes 1 cm a step, 5 % of it, and is held as deep as that takes it."""
+    fall = simulation(0.006)
+    start = at_rest(fall.model)
+    start.v[fall.model.dof_offset[1] + 2] = -1.0
+    run = replace(fall, scheme=Theta(1e-2, 0.5, Velocity()), initial=start, witness=Witness(every=1))
+    with pytest.raises(Penetration, match="The law Velocity lets in what approaches by up to its way in a step"):
         list(run)
 
 

@@ -29,8 +29,8 @@ def turned_slip(step: Step, when: str, said: frozenset[str]) -> dict[str, str]:
     laws = [law for law in single_laws(step.scheme.law) if isinstance(law, Velocity) and law.restitution > 0]
     if not laws:
         return {}
-    theta, before = met.meeting.timing.theta, met.meeting.before
-    mean = theta * met.forces(met.velocity(step.result.u - met.w)) + (1 - theta) * before
+    before = met.meeting.before
+    mean = 0.5 * (met.forces(met.velocity(step.result.u - met.w)) + before)  # whatever theta: what a scheme takes beside is no impact's
     reaction = met.forces(met.reaction(step.result.r))
     pairs, which = np.unique(np.sort(contacts.bodies, axis=1), axis=0, return_inverse=True)
     struck = np.bincount(which, (before[:, 0] < 0) & (reaction[:, 0] > 0)) > 0

@@ -28,14 +28,14 @@ import numpy as np
 
 from fcsim.arrays import BoolArray, FloatArray
 from fcsim.contact_detection import Everything, innermost
-from fcsim.contact_detection.sweep import brought_back, with_met
+from fcsim.contact_detection.sweep import with_met
 from fcsim.contact_law.law import Implicit
 from fcsim.linear.sparse._vectors_kernels import farthest
 from fcsim.ranks import largest
 from fcsim.timestep.encounter import Encounter, asked_again
 from fcsim.timestep.scheme import StepSetup
 from fcsim.timestep.state import State
-from fcsim.timestep.step_equation.look_ahead.lengths import BORNE, THROWN, moves, of_other_facets, places, rolled_back, turns
+from fcsim.timestep.step_equation.look_ahead.lengths import BORNE, THROWN, back_at, moves, of_other_facets, places, turns
 from fcsim.timestep.step_equation.look_ahead.load_steps import came_together
 
 ROUNDS = 4
@@ -85,7 +85,7 @@ def looked_ahead(setup: StepSetup, state: State, met: Encounter, v: FloatArray, 
     at = place[anew]
     bend[at] = np.where((deeper | drawn)[anew], there.gap[anew] - straight[at], np.minimum(there.gap[anew] - straight[at], 0.0))  # (1)
     new = there.take(deeper & ~known & ~of_other_facets(met, there, positions))
-    new = brought_back(rolled_back(detection, new, positions, met.meeting.positions), met.meeting.positions)
+    new = back_at(met.meeting.positions, detection, new, positions)
     order = np.argsort(np.concatenate([held.identity, new.identity]), kind="stable")
     again = asked_again(model, scheme, state, met, with_met(held, new, there), np.concatenate([bend, np.zeros(len(new))])[order])
     same = len(again.contacts) == len(held) and np.array_equal(again.terms.w, met.terms.w)

@@ -10,6 +10,7 @@ from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.assembly.model import Model
 from fcsim.contact_detection import Detection, ExactContacts, innermost
 from fcsim.contact_detection.contacts import Contacts, join
+from fcsim.contact_detection.sweep import brought_back
 from fcsim.contact_law.handed_on import comes_after
 from fcsim.timestep.encounter import Encounter
 
@@ -44,17 +45,18 @@ def turns(model: Model, moved: FloatArray) -> FloatArray:
     return turns
 
 
-def rolled_back(detection: Detection, contacts: Contacts, later: FloatArray, begin: FloatArray) -> Contacts:
-    """Contacts found at `later` (n_nodes, d) [m] with the weights of points that touched in the same place at `begin`, see
-    `ExactContacts.rolled_back`; as they are where another rule found them. Cables have no such points."""
+def back_at(begin: FloatArray, detection: Detection, contacts: Contacts, later: FloatArray) -> Contacts:
+    """Contacts found at `later` (n_nodes, d) [m] as they stand at `begin`, see `brought_back`; those of exact shapes with the weights of
+    points that touched in the same place there, see `ExactContacts.rolled_back`. Cables have no such points."""
     within = innermost(detection)
     if not isinstance(within, ExactContacts):
-        return contacts
-    if not contacts.cables.any():
-        return within.rolled_back(contacts, later, begin)
-    bodies, width = contacts.take(~contacts.cables), 2 * (contacts.dimension + 1)  # cables on surfaces may have more nodes
+        return brought_back(contacts, begin)
+    cables = contacts.cables
+    if not cables.any():
+        return within.on_their_master(brought_back(within.rolled_back(contacts, later, begin), begin), begin)
+    bodies, width = contacts.take(~cables), 2 * (contacts.dimension + 1)  # cables on surfaces may have more nodes
     bodies = replace(bodies, nodes=bodies.nodes[:, :width], weights=bodies.weights[:, :width])
-    return join([within.rolled_back(bodies, later, begin), contacts.take(contacts.cables)])
+    return join([back_at(begin, detection, bodies, later), brought_back(contacts.take(cables), begin)])
 
 
 def of_other_facets(met: Encounter, there: Contacts, later: FloatArray) -> BoolArray:

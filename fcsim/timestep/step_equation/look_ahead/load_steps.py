@@ -19,7 +19,7 @@ from fcsim.errors import InputError
 from fcsim.timestep.encounter import Encounter, asked_again
 from fcsim.timestep.scheme import StepSetup
 from fcsim.timestep.state import State
-from fcsim.timestep.step_equation.look_ahead.lengths import BORNE, THROWN, moves, of_other_facets, places, rolled_back, turns
+from fcsim.timestep.step_equation.look_ahead.lengths import BORNE, THROWN, back_at, moves, of_other_facets, places, turns
 
 FAR = 0.1
 """Of the smallest body: bodies that a load step moves by less beside each other have not gone through one another."""
@@ -59,7 +59,7 @@ def came_together(setup: StepSetup, state: State, met: Encounter, after: State) 
         again = asked_again(model, setup.scheme, state, met, held.take(~passed))
         return replace(again, ending=met.ending, released=released)
     if isinstance(innermost(detection), ExactContacts) and len(anew := _bent(met, there, begin, end)):
-        found = brought_back(rolled_back(detection, there.take(_of_pairs(there, anew)), end, begin), begin)
+        found = back_at(begin, detection, there.take(_of_pairs(there, anew)), end)
         return _with(setup, state, met, held.take(~_of_pairs(held, anew)), found, there)
     found, ending = _closed(met, _met_far(model, met, detection, end - begin), end), met.ending
     found = found.take(~_of_pairs(found, ending))
@@ -72,7 +72,7 @@ def came_together(setup: StepSetup, state: State, met: Encounter, after: State) 
         there = there.take(wanted & ~of_other_facets(met, there, end))
         held = held.take(~left)
         found = there.take(~places(held.identity, there.identity)[1])
-        found = brought_back(rolled_back(detection, found, end, begin), begin)
+        found = back_at(begin, detection, found, end)
     if not len(found):
         return None
     return replace(_with(setup, state, met, held, found, there), ending=ending)
