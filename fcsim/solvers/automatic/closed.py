@@ -146,7 +146,7 @@ def in_small_bed(race: Race) -> bool:
         loose = race.joints is None and not small_and_elastic(race) and not on_springs(race)
         race.small = loose and not race.warm and 0 < problem.nc <= FEW
         if race.small:
-            W = problem.W.toarray() if sp.issparse(problem.W) else np.asarray(problem.W)
+            W = problem.W if isinstance(problem.W, np.ndarray) else problem.W.toarray()
             starts, columns, _ = block_rows_of_dense(np.ascontiguousarray(W), d)
             race.small = problem.nc < LOOSE[d] * row_patterns(starts, columns)
     return race.small
