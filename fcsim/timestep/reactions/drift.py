@@ -47,6 +47,10 @@ FITS = 1e-8
 there is none. Mechanisms that turn faster, by omega h of 3e-3 a step of a vault, part in some of their points; w would keep these within
 each other by up to NO_GAP, and steps took ten times the iterations that they take without drift. Gaps up to `CLOSE` count by degrees at
 the most, which says no better what carries."""
+TURNS = 1e-7
+"""The largest turn against each other in a dq [rad] of bodies that stick, in the mean by mass. Mechanisms of hinges, as of a falling vault,
+come to that in a tenth of a second, and part in some points not long after (`FITS`). The longer drift has kept all of a joint's points in
+contact until then, the harder are the steps that follow (docs/measures/rigid_masonry.md). What turns as a whole about an edge has none."""
 ALONG = 1e-2
 """Weight of the second equation (1) beside the first: gaps are closed, and ways along the surface taken back where that allows it."""
 CLOSE = 1e-6
@@ -107,7 +111,8 @@ class Drift:
             brought = transposed_times(H, moved).reshape(-1, d)
             far = np.any(np.abs(brought[:, 1:]) > MOST * size[:, None], axis=1)
             if not far.any():
-                return moved if fits(apart[:, 0] + brought[:, 0], contacts.gap, bore, size) else None
+                fit = fits(apart[:, 0] + brought[:, 0], contacts.gap, bore, size)
+                return moved if fit and turn_apart(model, moved, contacts.bodies[stuck]) <= TURNS else None
             stuck &= ~far  # at most once: where the rest still goes as far there is no drift
         return None
 
@@ -129,6 +134,18 @@ def fits(left: FloatArray, gap: FloatArray, bore: BoolArray, size: FloatArray) -
         return True
     told = bore | (np.abs(gap) <= NO_GAP * size)
     return not np.any(np.abs(left[told]) > FITS * size[told])
+
+
+def turn_apart(model: Model, moved: FloatArray, held: IntArray) -> float:
+    """How far bodies that stick at contacts of `held` (n, 2), and whose rotations are free, turn in dq (n_dofs,) against their common turn
+    [rad], in the mean by their masses. Rigid bodies alone."""
+    d = model.dimension
+    counts = model.rigid_free[:, d:].any(axis=1) & np.isin(np.arange(len(model.rigid_free)), held)
+    turn, mass = model.rigid_part(moved)[counts, d:], model.rigid_bodies.reference_mass[counts, 0, 0]
+    if not len(mass):
+        return 0.0
+    apart = turn - np.average(turn, axis=0, weights=mass)
+    return float(np.sqrt(np.average(np.sum(apart**2, axis=1), weights=mass)))
 
 
 def left_aside(model: Model, scheme: Scheme, state: State, contacts: Contacts) -> FloatArray:

@@ -12,7 +12,8 @@ from fcsim.contact_law import StaticKinetic
 from fcsim.contact_law.coulomb import NO_GAP
 from fcsim.mesh import rigid_box, rigid_rectangle
 from fcsim.timestep import substep
-from fcsim.timestep.reactions.drift import CLOSE, FITS, LEAST, drift_of, fits, least_motion
+from fcsim.timestep.reactions import drift
+from fcsim.timestep.reactions.drift import CLOSE, FITS, LEAST, TURNS, drift_of, fits, least_motion, turn_apart
 from fcsim.timestep.step import Step
 
 H, SIZE, SIDE = 5e-3, 0.1, 0.2
@@ -88,3 +89,26 @@ def test_what_bore_or_touches_must_be_taken_back_where_joints_are_open(first: fl
     """Two contacts of bodies of SIZE, the first one bore; dq leaves too much of the second. What is hardly apart need not fit."""
     left = SIZE * np.array([0.5 * FITS, -2 * FITS])
     assert fits(left, SIZE * np.array([first, gap]), np.array([True, bore]), np.full(2, SIZE)) is fit
+
+
+@pytest.mark.parametrize(("turn", "none"), [(1.01 * TURNS, True), (0.99 * TURNS, False)])
+def test_there_is_none_where_bodies_turn_against_each_other(turn: float, none: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(drift, "turn_apart", lambda *_: turn)
+    assert (toppling(3, 0.53)[-1].encounter.meeting.drift is None) is none
+
+
+def test_a_common_turn_and_that_of_what_slides_are_none() -> None:
+    """Three boxes of one mass and a pebble on a floor, which slides or sticks: the mean of |turn|^2 by mass about its mean."""
+    bodies = [rigid_box(f"box {k}", (SIDE, SIDE, SIDE), (0, 0, (0.5 + k) * SIDE), 2000.0) for k in range(3)]
+    bodies.append(rigid_box("pebble", (0.01 * SIDE,) * 3, (1.0, 0, 0.005 * SIDE), 2e-3))
+    bodies.append(rigid_box("floor", (4.0, 4.0, 0.4), (0, 0, -0.2), 1e6))
+    model = build_model(bodies, supports=[Support("floor", DIRECTIONS[3])])
+    whole, hinged, pebble = np.zeros((3, 5, 6))
+    whole[:4, 4] = 1e-5
+    hinged[:3, 4] = 1e-5 * np.array([1.0, 0.0, -1.0])
+    pebble[3, 4] = 1e-5
+    boxes, all_of_them = np.array([[0, 1], [1, 2], [0, 4]]), np.array([[0, 1], [1, 2], [3, 4]])
+    assert turn_apart(model, whole.ravel(), all_of_them) < 1e-12
+    assert turn_apart(model, hinged.ravel(), boxes) == pytest.approx(1e-5 * np.sqrt(2 / 3), rel=1e-12)
+    assert turn_apart(model, pebble.ravel(), boxes) == 0.0
+    assert turn_apart(model, pebble.ravel(), all_of_them) == pytest.approx(1e-5 * np.sqrt(1e-6 / 3), rel=1e-5)
