@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from inspect import signature
 from pathlib import Path
 from typing import Unpack
 
@@ -55,6 +56,7 @@ class Parameters:
 def masonry_case(path: str | Path, mu: float | None = None, **options: Unpack[ModelOptions]) -> CaseScript:
     """Return the case of a file of blocks, for `fcsim.running.run.run_case`, as a script's; mu and the options: see `read_model`."""
     path = Path(path)
+    signature(read_model).bind(path, mu=mu, **options)  # a TypeError for a name that it does not know: here, not once the case is built
     if not path.is_file():
         raise InputError(f"case {str(path)!r}: expected a model of blocks, found no such file")
 

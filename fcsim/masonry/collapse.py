@@ -251,8 +251,8 @@ def bracket(
             duration = _running_away(problem.size, 0.1 * resolution * multiplier * pull)
             # above the associative limit no state of rest exists that errors of the solver might spoil
             sure = blocks == "rigid" and upper.outcome == "limit" and multiplier > (1 + _MOVING_TOLERANCE) * upper.multiplier
-            of_steps = _MOVING_TOLERANCE if sure else None
-            known[multiplier] = trial(problem, multiplier, duration=duration, blocks=blocks, stone=stone, tolerance=of_steps)
+            step_tolerance = _MOVING_TOLERANCE if sure else None
+            known[multiplier] = trial(problem, multiplier, duration=duration, blocks=blocks, stone=stone, tolerance=step_tolerance)
             watch(known[multiplier])
         return known[multiplier]
 

@@ -54,19 +54,19 @@ class Options:
             raise InputError(f"max_iterations: expected an integer >= 0, got {self.max_iterations}")
 
     def integers_from(self, **least: int) -> None:
-        """InputError for an option below the least that it may be."""
+        """InputError for the first of these options, integers by their names, that is below its least."""
         for name, bound in least.items():
             if (value := getattr(self, name)) < bound:
                 raise InputError(f"option {name}: expected an integer >= {bound}, got {value}")
 
-    def numbers_from(self, **least: int) -> None:
-        """The same of numbers, of which NaN is none."""
+    def numbers_from(self, **least: float) -> None:
+        """InputError for the first of these options, numbers by their names, that is below its least, or NaN."""
         for name, bound in least.items():
             if not (value := getattr(self, name)) >= bound:
                 raise InputError(f"option {name}: expected a number >= {bound}, got {value}")
 
-    def numbers_above(self, **bounds: int) -> None:
-        """InputError for an option that is not above its bound, or NaN."""
+    def numbers_above(self, **bounds: float) -> None:
+        """InputError for the first of these options, numbers by their names, that is at its bound, below, or NaN."""
         for name, bound in bounds.items():
             if not (value := getattr(self, name)) > bound:
                 raise InputError(f"option {name}: expected a number > {bound}, got {value}")

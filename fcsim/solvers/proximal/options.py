@@ -58,18 +58,13 @@ class ProximalOptions(Options):
         super().__post_init__()
         for name, known in (("counts", COUNTS), ("strategy", STRATEGIES), ("metric", METRICS), ("alpha_rule", tuple(ALPHA_RULES))):
             choice(name, getattr(self, name), known)
-        for name in ("alpha", "alpha_least", "sigma", "internal_error_ratio"):
-            if not getattr(self, name) > 0:
-                raise InputError(f"option {name}: expected a number > 0, got {getattr(self, name)}")
-        if not self.nu >= 0:
-            raise InputError(f"option nu: expected a number >= 0, got {self.nu}")
+        self.numbers_above(alpha=0, alpha_least=0, sigma=0, internal_error_ratio=0)
+        self.numbers_from(nu=0)
         if not 0 < self.forgotten <= 1:
             raise InputError(f"option forgotten: expected a number in (0, 1], got {self.forgotten}")
         if not 0 < self.relaxation < 2:
             raise InputError(f"option relaxation: expected a number in (0, 2), got {self.relaxation}")
-        for name, least in (("easy", 1), ("patience", 1)):
-            if getattr(self, name) < least:
-                raise InputError(f"option {name}: expected an integer >= {least}, got {getattr(self, name)}")
+        self.integers_from(easy=1, patience=1)
 
 
 def _constant(alpha: float, error: float, iterations: int, options: ProximalOptions) -> float:

@@ -15,7 +15,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fcsim.arrays import FloatArray
-from fcsim.errors import InputError
 from fcsim.problem import LocalProblem
 from fcsim.solvers.base import Iterate, Monitor, Options, Status
 from fcsim.solvers.proximal import _path_kernels as kernels
@@ -59,15 +58,8 @@ class PathOptions(Options):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for name in ("alpha", "alpha_least", "alpha_most"):
-            if not getattr(self, name) > 0:
-                raise InputError(f"option {name}: expected a number > 0, got {getattr(self, name)}")
-        for name in ("fall", "rise", "along", "regained"):
-            if not getattr(self, name) > 1:
-                raise InputError(f"option {name}: expected a number > 1, got {getattr(self, name)}")
-        for name, least in (("before", 0), ("newton", 1), ("newton_along", 0), ("pieces", 0), ("longest", 0), ("patience", 1)):
-            if getattr(self, name) < least:
-                raise InputError(f"option {name}: expected an integer >= {least}, got {getattr(self, name)}")
+        self.numbers_above(alpha=0, alpha_least=0, alpha_most=0, fall=1, rise=1, along=1, regained=1)
+        self.integers_from(before=0, newton=1, newton_along=0, pieces=0, longest=0, patience=1)
 
 
 ROOT = 0.1

@@ -136,6 +136,6 @@ class ClosingInStatics(Closing):
 
 
 def closing(rows: Linked | None, model: Model, scheme: Scheme, before: State, extent: float) -> Closing:
-    """The rows of a step, None: it has no links, as they are closed in dynamics or in statics; arguments: see `Closing`."""
-    of = Closing if scheme.timing.moving else ClosingInStatics
-    return of(rows, model, scheme, before, extent)
+    """What closes the rows of a step, by its scheme: in dynamics or in statics; rows: None where there are no links."""
+    kind = Closing if scheme.timing.moving else ClosingInStatics
+    return kind(rows, model, scheme, before, extent)

@@ -103,6 +103,12 @@ def test_a_support_that_is_faster_than_any(tmp_path: Path) -> None:
         run_case(masonry_case(tmp_path / "block.json"), {"steps": "1"}, tmp_path / "out", RunOptions(export_every=0, vtk_every=0))
 
 
+def test_an_option_that_no_model_has_is_refused_before_a_run(tmp_path: Path) -> None:
+    read(tmp_path, pushed_block())
+    with pytest.raises(TypeError, match="denisty"):
+        masonry_case(tmp_path / "block.json", 0.5, denisty=2000.0)  # type: ignore[call-arg]
+
+
 def test_forces_beside_which_errors_count_as_motion_are_remarked_upon():
     """A force F on a block of mass m: a share eps of F moves it by eps F t^2 / 2 m, against first motion, 1e-6 of 1 m. Eight times the
     weight asks for a tolerance of 2e-9, ten thousand times for less than solvers reach."""
