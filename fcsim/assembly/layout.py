@@ -53,6 +53,11 @@ class BodyLayout:
         return _offsets([len(body.part.points if isinstance(body, Body) else body.points) for body in self.bodies])
 
     @cached_property
+    def body_of_node(self) -> IntArray:
+        """(n_nodes,): the body's number."""
+        return np.repeat(np.arange(len(self.bodies)), np.diff(self.node_offset))
+
+    @cached_property
     def dof_offset(self) -> IntArray:
         """(nbodies + 1,): where each body's degrees of freedom begin."""
         d = self.dimension

@@ -141,7 +141,16 @@ class Detector:
         if not (count := self._looks(x, way)):
             return now
         times, alert = np.arange(1, count + 1) / count, max(pair.alert for pair in self.pairs)
-        return with_swept(now, lambda t: self._at(x + t * way), x, way, times, alert)
+        return with_swept(now, lambda t: self._at(x + t * way), x, way, times, alert, self._body_of)
+
+    @cached_property
+    def _body_of(self) -> IntArray:
+        """The body (n_nodes,) of each node that contacts can touch, -1 of others."""
+        found = np.full(self.n_nodes, -1)
+        for surface in (surface for pair in self.pairs for surface in (pair.slave, pair.master)):
+            row, column = np.nonzero(surface.facets >= 0)
+            found[surface.facets[row, column]] = surface.bodies[row]
+        return found
 
     @cached_property
     def _nodes_of_pairs(self) -> list[tuple[IntArray, ...]]:

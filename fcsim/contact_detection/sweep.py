@@ -43,19 +43,22 @@ def with_swept(
     displacement: FloatArray,
     times: FloatArray,
     alert: float,
+    body_of: IntArray | None = None,
 ) -> Contacts:
     """Return the contacts `now` and those that `detect` finds at `times` (n,), 0 ... 1, along the way, sorted by identity.
 
     Of one identity that counts which was found nearest to where it closes; what is in contact now stays as it is. One that would still be
     open by more than `alert` [m] at the end of the motion is left out, and so is what a vertex that has gone through a face seen before
-    touches from within: deep inside, the nearest face is not the one by which it came.
+    touches from within: deep inside, the nearest face is not the one by which it came. body_of (n_nodes,): the nodes' bodies, where
+    contacts have an area.
     """
     found, off = [now], [np.full(len(now), -1.0)]
     through = np.empty(0, dtype=np.int64)
-    most: dict[int, float] = {}
+    most = np.zeros(len(positions))
     for t in times:
         there = detect(t)
-        _most_areas(there, most)
+        if body_of is not None:
+            most = np.maximum(most, _areas_of_nodes(there, body_of))
         other = ~np.isin(there.identity, now.identity)
         if not other.any():
             continue
@@ -72,41 +75,46 @@ def with_swept(
     order = np.lexsort((np.concatenate(off), every.identity))
     identity = every.identity[order]
     order = order[np.append(True, identity[1:] != identity[:-1])[: len(order)]]
-    return _with_areas_left(every.take(order), order >= len(now), most)
+    every = every.take(order)
+    return every if body_of is None else _with_areas_left(every, order >= len(now), most, body_of)
 
 
-def with_met(held: Contacts, found: Contacts, there: Contacts) -> Contacts:
+def with_met(held: Contacts, found: Contacts, there: Contacts, body_of: IntArray) -> Contacts:
     """Return both, by identity; found: those of `there`, where a step ends, and of its way that are not `held`, brought back."""
     every = join([held, found])
     order = np.argsort(every.identity, kind="stable")
-    if every.area is None:
-        return every.take(order)
-    most: dict[int, float] = {}
-    _most_areas(there.take(np.isin(_pair(there), _pair(held))), most)
-    return _with_areas_left(every.take(order), order >= len(held), most)
+    return _with_areas_left(every.take(order), order >= len(held), _areas_of_nodes(there, body_of), body_of)
 
 
-def _with_areas_left(contacts: Contacts, met: BoolArray, most: dict[int, float]) -> Contacts:
+def _with_areas_left(contacts: Contacts, met: BoolArray, most: FloatArray, body_of: IntArray) -> Contacts:
     """Return contacts of which those `met` (nc,) on the way have, of the area that their rule gives them, what the others leave of the
-    joint's: a surface that slides within a step meets other facets with the same part of it. most: see `_most_areas`; who is not in it
-    has all of its own."""
-    if contacts.area is None or not most:
+    largest area, `most` (n_nodes,), that their slave nodes have at one time: a surface that slides within a step meets other facets, or
+    bodies, with the same part of it; what comes down elsewhere has all of its own, also where the bodies part on their other side."""
+    if contacts.area is None or not met.any():
         return contacts
     given = contacts.area > 0
-    pair, which = np.unique(_pair(contacts), return_inverse=True)
-    here, later = (np.bincount(which, np.where(given & kind, contacts.area, 0.0), len(pair)) for kind in (~met, met))
-    left = np.array([most.get(key, np.inf) for key in pair.tolist()]) - here
-    share = np.clip(np.divide(left, later, out=np.ones(len(pair)), where=later > 0), _LEAST_AREA, 1.0)
-    return replace(contacts, area=np.where(given & met, contacts.area * share[which], contacts.area))
+    here, later = (_areas_of_nodes(contacts.take(given & kind), body_of) for kind in (~met, met))
+    left = np.where(here > 0, most - here, np.inf)
+    share = np.clip(np.divide(left, later, out=np.ones(len(most)), where=later > 0), _LEAST_AREA, 1.0)
+    weight = np.maximum(_slave_weights(contacts, body_of), 0.0) * np.maximum(most, 0.0)[contacts.nodes]  # corners of P2 have none
+    total = weight.sum(axis=1)
+    cut = np.divide((weight * share[contacts.nodes]).sum(axis=1), total, out=np.ones(len(contacts)), where=total > 0)
+    return replace(contacts, area=np.where(given & met, contacts.area * cut, contacts.area))
 
 
-def _most_areas(contacts: Contacts, most: dict[int, float]) -> None:
-    """Note in `most` the area [m^2; 2D: m] that each two bodies' contacts have together by their rule, where it is the largest so far."""
-    if contacts.area is None or not len(contacts):
-        return
-    pair, which = np.unique(_pair(contacts), return_inverse=True)
-    for key, area in zip(pair.tolist(), np.bincount(which, np.where(contacts.area > 0, contacts.area, 0.0)).tolist(), strict=True):
-        most[key] = max(most.get(key, 0.0), area)
+def _areas_of_nodes(contacts: Contacts, body_of: IntArray) -> FloatArray:
+    """The area (n_nodes,) [m^2; 2D: m] that each slave node has by the rule of its contacts, however others cut it."""
+    if contacts.area is None:
+        return np.zeros(len(body_of))
+    share = _slave_weights(contacts, body_of) * np.maximum(contacts.area, 0.0)[:, None]
+    return np.bincount(np.maximum(contacts.nodes, 0).ravel(), share.ravel(), len(body_of)).astype(np.float64, copy=False)
+
+
+def _slave_weights(contacts: Contacts, body_of: IntArray) -> FloatArray:
+    """Weights (nc, k) of the slave's nodes, of second order of both signs, 0 for others; of what folds on itself those > 0."""
+    own = (contacts.nodes >= 0) & (body_of[contacts.nodes] == contacts.bodies[:, :1])
+    alone = (contacts.bodies[:, 0] != contacts.bodies[:, 1])[:, None]
+    return np.where(own & (alone | (contacts.weights > 0)), contacts.weights, 0.0)
 
 
 def _slaves(contacts: Contacts) -> BoolArray:

@@ -85,7 +85,7 @@ def opening_remarks(
         found.append(falling(model, state, scheme, usual, steps, _held(model)))
     if isinstance(detector, Detector):
         names = [body.name for body in model.bodies]
-        found += [never_touching(detector.pairs, positions, names), uneven_faces(detector.pairs, names)]
+        found += [never_touching(detector.pairs, positions, names), uneven_faces(detector.pairs, names, len(model.deformable))]
         if not linked:
             found += [_alone(model, detector, gravity), _forgotten(model, detector, positions)]
     return tuple(chain.from_iterable(found))

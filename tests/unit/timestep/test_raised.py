@@ -52,11 +52,13 @@ def ring(name: str, inner: float, outer: float, around: int, first: float, eleme
     return Part(name, on_circles, part.cells, part.cell_type, part.surfaces, part.material)
 
 
-def pressed(rule: Any, elements: str, curved: bool = False) -> tuple[float, tuple[str, ...]]:
-    """The force between the rings over Lame's, and what is said of their middle nodes."""
+def pressed(
+    rule: Any, elements: str, curved: bool = False, casing: str | None = None, interference: float = INTERFERENCE
+) -> tuple[float, tuple[str, ...]]:
+    """The force between the rings over Lame's, and what is said of their middle nodes; casing: its elements, if others."""
     bodies = [
-        Body("casing", ring("casing", B, C, 28, 0.03, elements, curved)),
-        Body("hub", ring("hub", A, B + INTERFERENCE, 32, 0.0, elements, curved)),
+        Body("casing", ring("casing", B, C, 28, 0.03, casing or elements, curved)),
+        Body("hub", ring("hub", A, B + interference, 32, 0.0, elements, curved)),
     ]
     model = build_model(bodies, supports=[Support("casing", ("x", "y"), "out"), Support("hub", ("x", "y"), "in")])
     slave, master = contact_surface(model, [("hub", "out")]), contact_surface(model, [("casing", "in")])
@@ -80,3 +82,11 @@ def test_what_is_said_to_help_does(rule: Any, elements: str, curved: bool) -> No
     force, said = pressed(rule, elements, curved)
     assert force == pytest.approx(1.0, abs=0.05)
     assert said == ()
+
+
+@pytest.mark.parametrize(("interference", "named"), [(INTERFERENCE, 1), (-INTERFERENCE, 0)])
+def test_what_bears_nothing_where_curves_overlap_is_named(interference: float, named: int) -> None:
+    """A hub whose middle nodes lie within its circle, in a casing whose facets are chords of theirs; with play nothing is to bear."""
+    force, said = pressed("mortar", "Q2", casing="Q1-enhanced", interference=interference)
+    assert force == 0.0
+    assert len(said) == named

@@ -103,7 +103,7 @@ def test_what_dashpots_of_a_joint_take_is_none_of_it() -> None:
     assert not [remark for step in steps for remark in step.remarks if "released" in remark]
 
 
-def glued(G: float, h: float, steps: int) -> Simulation:
+def glued(G: float, h: float, steps: int, springs: Springs | None = None) -> Simulation:
     """Two blocks of 1 m together, E = 1e9 Pa, glued by 1e5 Pa and drawn apart by 1 m/s: they give 1e-9 m per Pa, the glue 2 G / 1e10."""
     stone = Material(1e9, 0.0, 1000.0)
     bodies = [Body("lower", rectangle("lower", (1.0, 0.5), (3, 2), stone))]
@@ -111,7 +111,7 @@ def glued(G: float, h: float, steps: int) -> Simulation:
     supports = [Support("lower", ("x", "y"), "y-"), Support("upper", ("x",), "y+"), Support("upper", ("y",), "y+", velocity=1.0)]
     model = build_model(bodies, supports=supports)
     pair = SurfacePair(contact_surface(model, [("upper", "y-")]), contact_surface(model, [("lower", "y+")]), 0.3, 0.02, "mortar")
-    law = Cohesive(tension=1e5, mode_1=G, mode_2=G)
+    law = Cohesive(tension=1e5, mode_1=G, mode_2=G, springs=springs)
     return Simulation(model, Detector([pair], model.n_nodes), QuasiStatic(h, law=law), steps)
 
 
@@ -125,3 +125,17 @@ def test_glue_that_breaks_faster_than_its_blocks_give_way_snaps() -> None:
     """At 0.78 of its strength they hold 0.78^2 5 J and are given 0.78 (0 + 1e5) / 2 times 3.9e-5 m until it is gone, which takes 1 J."""
     ((_, said),) = snaps(glued(1.0, 3.9e-5, 3))
     assert float(said.split(": ")[1].split(" J")[0]) == pytest.approx(0.78**2 * 5 + 0.78e5 / 2 * 3.9e-5 - 1.0, rel=0.01)
+
+
+@pytest.mark.parametrize("h", [3.9e-5, 9e-5])
+def test_glue_on_springs_releases_what_they_held(h: float) -> None:
+    """They give 1e-9 m per Pa as the blocks do, together 2e-4 m at the strength, the glue 1.2e-4: at f of it they hold f^2 10 J and are
+    given f 1e5 / 2 h until it is gone, which takes 6 J. The springs' part was counted as taken by the fracture: no snap was named."""
+    f = h * (2e-4 // h) / 2e-4
+    ((_, said),) = snaps(glued(6.0, h, 6, Springs(normal=1e9, tangential=1e9)))
+    assert float(said.split(": ")[1].split(" J")[0]) == pytest.approx(f**2 * 10 + f * 1e5 / 2 * h - 6.0, rel=0.01)
+
+
+def test_glue_on_springs_that_breaks_slowly_says_nothing() -> None:
+    """The glue gives 3e-4 m, beyond what blocks and springs give at its strength."""
+    assert not snaps(glued(15.0, 9e-5, 6, Springs(normal=1e9, tangential=1e9)))

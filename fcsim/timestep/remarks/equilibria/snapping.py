@@ -9,7 +9,7 @@ import numpy as np
 from fcsim.arrays import FloatArray
 from fcsim.assembly.kinematics.following import When
 from fcsim.assembly.model import Model
-from fcsim.contact_law import Springs
+from fcsim.contact_law import Cohesive, Springs
 from fcsim.timestep.energy import pushing
 from fcsim.timestep.quasi_static import QuasiStatic
 from fcsim.timestep.remarks.of_laws.known_laws import single_laws
@@ -36,24 +36,32 @@ def _damped(scheme: QuasiStatic) -> bool:
     return any(isinstance(each, Springs) and each.normal_damping > 0 for each in springs)
 
 
-def _broken(step: Step, stored: float) -> float:
-    """What the fracture of joints took in the step [J], of which they hold `stored` more at its end: the force that is left of their
-    strength would give it back as they close."""
+def _broken(step: Step, more: float) -> float:
+    """What the fracture of joints took in the step [J], of which they would give back `more` than before at its end."""
     energy = step.energy
     if not energy.fracture_dissipation > 0:
         return 0.0
-    return max(min(energy.fracture_dissipation, energy.normal_dissipation) - stored, 0.0)
+    return max(min(energy.fracture_dissipation, energy.normal_dissipation) - more, 0.0)
+
+
+def _given_back(step: Step) -> float:
+    """What the force that is left of joints' strength would give back as they close [J]: what they hold, less what glue's springs do."""
+    glue, held = [law for law in single_laws(step.scheme.law) if isinstance(law, Cohesive)], step.variables
+    if len(glue) != 1 or glue[0].springs is None or held is None or "crack" not in held.values:
+        return step.energy.contact
+    left = np.sqrt(np.maximum(1 - held.values["fracture"], 0.0))
+    return float(np.nansum(glue[0].tension * left * held.values["area"] * held.values["crack"]))
 
 
 class _Loaded(NamedTuple):
     """The end of a step: its number, the configuration x (n_dofs,), what supports and loads exert there (n_dofs,) [N], the energy [J] that
-    bodies and joints hold, and joints alone."""
+    bodies and joints hold, and what of it glue would give back as it closes."""
 
     number: int
     x: FloatArray
     force: FloatArray
     stored: float
-    joints: float
+    given_back: float
 
 
 class Snapping:
@@ -79,13 +87,13 @@ class Snapping:
             return {}
         force = step.support_impulse + model.load(step.state.t, x) + pushing(model, x, When.at(step.state.t))
         energy = step.energy
-        before, self._before = self._before, _Loaded(step.number, x, force, energy.elastic + energy.contact, energy.contact)
+        before, self._before = self._before, _Loaded(step.number, x, force, energy.elastic + energy.contact, _given_back(step))
         if before is None or before.number != step.number - 1:
             return {}
         dx = x - before.x
         taken = energy.material_dissipation + 2 * max(energy.tangential_dissipation, 0.0)
         taken += 2 * max(energy.normal_dissipation, 0.0) if _damped(scheme) else 0.0
-        taken += _broken(step, energy.contact - before.joints)
+        taken += _broken(step, self._before.given_back - before.given_back)
         work = 0.5 * float((before.force + force) @ dx)
         released = work - (self._before.stored - before.stored) - taken
         along = 0.5 * abs(float((force - before.force) @ dx))

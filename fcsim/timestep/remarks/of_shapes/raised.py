@@ -8,6 +8,7 @@ from fcsim.arrays import FloatArray, IntArray
 from fcsim.assembly.model import Model
 from fcsim.contact_detection.surfaces.model_surfaces import bulges_of_surface
 from fcsim.contact_detection.surfaces.surface import ContactSurface
+from fcsim.contact_detection.sweep import brought_back
 from fcsim.mesh.cell_type import CELL_TYPES
 from fcsim.mesh.part import Body
 from fcsim.timestep.remarks.coarse import looked_at
@@ -22,7 +23,8 @@ _STRAIGHT = 0.1
 class Raised:
     """The remark on the first two bodies that fit each other, a hollow of one around the other, of cells of second order whose middle
     nodes lie on the chords of evident curves, where that puts the gaps wrong by more than `NAMED` of how far the contacts deform bodies
-    (twice the elastic energy over the forces). Steps 1, 4, 16, ... and the last are looked at.
+    (twice the elastic energy over the forces), or where nothing bears that would overlap on the curves. Steps 1,
+    4, 16, ... and the last are looked at.
 
     Detection takes all nodes for places of the surface: what is flat on either side of each edge is a polygon to it, where the same facets
     of first order are chords of a curve.
@@ -40,27 +42,33 @@ class Raised:
         if self._over is None:
             self._over = over_chords(model)
         height, bent = self._over
-        force = step.contact_force[:, 0]
-        if not height.any() or not (force > 0).any():
+        if not height.any() or not len(contacts):
             return {}
         weights = np.where(contacts.nodes < 0, 0.0, contacts.weights)
         one, other = ((np.maximum(side, 0.0) * bent[contacts.nodes]).sum(axis=1) for side in (weights, -weights))
-        fits = (force > 0) & (one * other < 0)
-        wrong = np.abs((np.abs(weights) * height[contacts.nodes]).sum(axis=1))
-        motion, least = 2.0 * step.energy.elastic / float(np.abs(force).sum()), BORNE * step.encounter.meeting.proportions.size
-        for pair in np.unique(np.sort(contacts.bodies[fits], axis=1), axis=0):
-            between = fits & (np.sort(contacts.bodies, axis=1) == pair).all(axis=1)
-            error = float(wrong[between].mean())
-            if error > max(NAMED * motion, float(least[pair].min())):
-                names = [model.bodies[int(k)].name for k in pair]
-                return {"raised": _said(when, names, error, motion)}
+        wrong = (np.abs(weights) * height[contacts.nodes]).sum(axis=1)
+        force, gap = step.contact_force[:, 0], brought_back(contacts, model.positions(step.state.x)).gap
+        motion = 2.0 * step.energy.elastic / max(float(np.abs(force).sum()), 1e-300)
+        bodies, least = np.sort(contacts.bodies, axis=1), BORNE * step.encounter.meeting.proportions.size
+        for pair in np.unique(bodies[one * other < 0], axis=0):
+            names = [model.bodies[int(k)].name for k in pair]
+            between, smaller = (one * other < 0) & (bodies == pair).all(axis=1), float(least[pair].min())
+            bears = between & (force > 0)
+            if bears.any():
+                error = float(np.abs(wrong[bears]).mean())
+                if error > max(NAMED * motion, smaller):
+                    return {"raised": _said(when, names, error, f"beside {motion:.2g} m by which contact deforms them")}
+            elif not (force[between] != 0).any() and float((wrong - gap)[between].mean()) > smaller:
+                return {
+                    "raised": _said(when, names, float(np.abs(wrong[between]).mean()), "so that nothing bears where the curves overlap")
+                }
         return {}
 
 
-def _said(when: str, names: list[str], error: float, motion: float) -> str:
+def _said(when: str, names: list[str], error: float, beside: str) -> str:
     return (
         f"{when}: {names[0]!r} and {names[1]!r} fit each other along curved surfaces, and middle nodes of their cells of second order lie "
-        f"on the chords of these, which puts the gaps wrong by {error:.2g} m, beside {motion:.2g} m by which contact deforms them: where "
+        f"on the chords of these, which puts the gaps wrong by {error:.2g} m, {beside}: where "
         "and how hard they bear is that of polygons. What helps: a mesh made of second order by the mesher (gmsh: Mesh.ElementOrder = 2), "
         "whose middle nodes are on the curves, or cells of first order (docs/elements.md)"
     )
@@ -68,8 +76,11 @@ def _said(when: str, names: list[str], error: float, motion: float) -> str:
 
 def over_chords(model: Model) -> tuple[FloatArray, FloatArray]:
     """How high [m] (n_nodes,) an evident curve is over the middle nodes of facets of second order that lie on its chords, < 0 in hollows, 0
-    elsewhere; and how (n_nodes,) the surface is bent: 1 where it is round, -1 where it is hollow, 0 where it is flat."""
+    elsewhere; and how (n_nodes,) the surface is bent: 1 where it is round, -1 where it is hollow, 0 where it is flat, or
+    nothing is of second order."""
     height, bent = np.zeros(model.n_nodes), np.zeros(model.n_nodes)
+    if not any(isinstance(body, Body) and CELL_TYPES[body.part.cell_type].order == 2 for body in model.bodies):
+        return height, bent  # what is bent does not matter
     for number, (body, first) in enumerate(zip(model.bodies, model.node_offset, strict=False)):
         if not isinstance(body, Body):
             if body.shape is not None:

@@ -14,17 +14,19 @@ _UNEVEN = [KINDS.index(kind) for kind in ("line3", "quadrilateral9")]
 are one more than they have nodes without such forces, and give them."""
 
 
-def uneven_faces(pairs: Sequence[SurfacePair], names: Sequence[str]) -> Iterator[str]:
-    """Say of the first pair of candidates "faces" that its slave has such facets; names of the bodies by number."""
+def uneven_faces(pairs: Sequence[SurfacePair], names: Sequence[str], deformable: int) -> Iterator[str]:
+    """Say of the first pair of candidates "faces" that one side of it has such facets, beside a slave that is `deformable`: as the first
+    bodies by number, whose names these are."""
     for number, pair in enumerate(pairs):
-        parents = pair.slave.parents
-        if pair.candidates != "faces" or parents is None or not np.isin(parents.kind, _UNEVEN).any():
+        if pair.candidates != "faces" or not (pair.slave.bodies < deformable).any():
+            continue
+        if not any(side.parents is not None and np.isin(side.parents.kind, _UNEVEN).any() for side in (pair.slave, pair.master)):
             continue
         called = repr(pair.name) if pair.name else str(number + 1)
         one, other = (names[int(surface.bodies[0])] for surface in (pair.slave, pair.master))
         yield (
             f'pair {called} (slave {one!r}, master {other!r}): the centres that candidates "faces" have on cells of second order bear no '
             "even pressure, also where meshes match: what is near them moves too far or too little. What helps: candidates "
-            '"gauss" on meshes that match, or "mortar"'
+            '"gauss" on meshes that match and are of one order, or "mortar"'
         )
         return

@@ -87,7 +87,8 @@ def looked_ahead(setup: StepSetup, state: State, met: Encounter, v: FloatArray, 
     new = there.take(deeper & ~known & ~of_other_facets(met, there, positions))
     new = back_at(met.meeting.positions, detection, new, positions)
     order = np.argsort(np.concatenate([held.identity, new.identity]), kind="stable")
-    again = asked_again(model, scheme, state, met, with_met(held, new, there), np.concatenate([bend, np.zeros(len(new))])[order])
+    every = with_met(held, new, there, model.body_of_node)
+    again = asked_again(model, scheme, state, met, every, np.concatenate([bend, np.zeros(len(new))])[order])
     same = len(again.contacts) == len(held) and np.array_equal(again.terms.w, met.terms.w)
     return None if same else again  # a law that does not ask for gaps
 

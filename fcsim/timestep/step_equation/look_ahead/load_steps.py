@@ -80,7 +80,7 @@ def came_together(setup: StepSetup, state: State, met: Encounter, after: State) 
 
 def _with(setup: StepSetup, state: State, met: Encounter, held: Contacts, found: Contacts, there: Contacts) -> Encounter:
     """The encounter `met` with the contacts `held` of it and those that were `found` on the way, or `there`, at its end."""
-    again = asked_again(setup.model, setup.scheme, state, met, with_met(held, found, there))
+    again = asked_again(setup.model, setup.scheme, state, met, with_met(held, found, there, setup.model.body_of_node))
     return replace(again, ending=met.ending, released=met.released)
 
 
