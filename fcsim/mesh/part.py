@@ -21,6 +21,7 @@ from fcsim.arrays import FloatArray, IntArray, is_number
 from fcsim.brief import brief, by_fields, shown
 from fcsim.errors import InputError
 from fcsim.mesh.cell_type import CELL_TYPES, ELEMENTS, RAISED
+from fcsim.mesh.curves.middles import on_curves
 from fcsim.mesh.exact_shape import ExactShape
 from fcsim.mesh.material.by_region import ByRegion
 from fcsim.mesh.material.law import AnyMaterial, LinearMaterial, PointLaw
@@ -196,6 +197,7 @@ class Part:
 
     def _raise_order(self) -> None:
         mesh = raised(self.points, self.cells, self.cell_type, self.surfaces, f"Part {self.name!r}", self.nodes)
+        mesh = mesh._replace(points=on_curves(mesh.points, mesh.cells, mesh.cell_type))
         for array in (mesh.points, mesh.cells, *mesh.surfaces.values(), *mesh.nodes.values()):
             array.setflags(write=False)
         for name, value in mesh._asdict().items():
