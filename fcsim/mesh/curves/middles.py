@@ -83,8 +83,8 @@ def _between(height: FloatArray, normal: FloatArray) -> FloatArray:
     cosine = np.einsum("nd,nd->n", normal[:, 0], normal[:, 1])
     smooth, back = cosine >= ROUND, cosine <= -ROUND
     sine_square = np.where(smooth | back, 1.0, 1.0 - cosine**2)
-    along = (height - cosine[:, None] * height[:, ::-1]) / sine_square[:, None]
-    sharp = np.einsum("nf,nfd->nd", along, normal)
+    aside = normal - cosine[:, None, None] * normal[:, ::-1]  # of a facet along an axis 0 to the last digit, so that it stays flat
+    sharp = np.einsum("nf,nfd->nd", height / sine_square[:, None], aside)
     mean = normal.sum(axis=1)
     one = np.where(height.prod(axis=1) > 0, height.mean(axis=1), 0.0) / np.maximum(np.linalg.norm(mean, axis=1), 1e-300)
     return np.asarray(np.where(smooth[:, None], one[:, None] * mean, np.where(back[:, None], 0.0, sharp)))
