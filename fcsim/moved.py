@@ -32,6 +32,8 @@ MODULES: Mapping[str, Moved] = {
     "fcsim.command_line.collection": Moved("fcsim.command_line.sets.collection"),
     "fcsim.command_line.profile": Moved("fcsim.command_line.sets.profile"),
     "fcsim.contact_detection.general.overlaps": Moved("fcsim.contact_detection.general.overlap.overlaps"),
+    "fcsim.contact_detection.surfaces.bulges": Moved("fcsim.mesh.curves.bulges"),
+    "fcsim.contact_detection.surfaces.ragged": Moved("fcsim.mesh.curves.ragged"),
     "fcsim.masonry.branch": Moved("fcsim.masonry.histories.branch"),
     "fcsim.mesh.material.orthotropic": Moved("fcsim.mesh.material.linear"),
     "fcsim.mesh.closed_surface": Moved("fcsim.mesh.solids.closed_surface"),

@@ -35,7 +35,7 @@ class Contacts:
     weights  (nc, k)     + shape functions on the slave's nodes, - shape functions on the master's; they sum to zero
     bodies   (nc, 2)     body numbers (slave, master)
     identity (nc,)       the same number for the same (pair, candidate, master body) at every step: what a warm start matches
-    bulge    (nc,) [m]   how far curved surfaces stand out over the facets there, see `fcsim.contact_detection.surfaces.bulges`; None: flat
+    bulge    (nc,) [m]   how far curved surfaces stand out over the facets there, see `fcsim.mesh.curves.bulges`; None: flat
     area     (nc,) [m^2; 2D: m] that points of an integral rule stand for; 0 where points within the same flat face are to share it; nan, or
              None for all: see `Proportions.area_at`
     """

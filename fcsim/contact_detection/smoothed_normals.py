@@ -26,9 +26,9 @@ import numpy as np
 from fcsim.arrays import FloatArray, IntArray
 from fcsim.contact_detection.contacts import Contacts
 from fcsim.contact_detection.node_to_segment import ROUND, Configuration, Feet, NodeToSegment
-from fcsim.contact_detection.surfaces.bulges import heights, highest
 from fcsim.contact_detection.surfaces.facets import mean_normals
 from fcsim.contact_detection.surfaces.surface import OPPOSING, SurfacePair
+from fcsim.mesh.curves.bulges import heights, highest
 
 Shape = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
 

@@ -27,9 +27,9 @@ import numpy as np
 
 from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.contact_detection.contacts import EXACT, Contacts
-from fcsim.contact_detection.surfaces.ragged import of_same_key
 from fcsim.contact_law.law import Meeting, Outcome, Remembered, Variables
 from fcsim.contact_law.proportions import Proportions
+from fcsim.mesh.curves.ragged import of_same_key
 
 PLACE = "place"
 """The variable (nc, 2 + 4 d) of contacts that may hand on: slave, master, point, both bodies' means [m], normal as from the body of the

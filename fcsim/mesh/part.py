@@ -21,6 +21,7 @@ from fcsim.arrays import FloatArray, IntArray, is_number
 from fcsim.brief import brief, by_fields, shown
 from fcsim.errors import InputError
 from fcsim.mesh.cell_type import CELL_TYPES, ELEMENTS, RAISED
+from fcsim.mesh.curves.middles import on_curves
 from fcsim.mesh.exact_shape import ExactShape
 from fcsim.mesh.material.by_region import ByRegion
 from fcsim.mesh.material.law import AnyMaterial, LinearMaterial, PointLaw
@@ -125,8 +126,9 @@ class Part:
     plane     2D only: "strain" or "stress"; thickness [m] multiplies every 2D integral
     elements  how the cells deform (`fcsim.assembly.elements`): hexahedra and quadrilaterals "Q1" (None: this), "Q1-enhanced" (bends and
               keeps its volume without locking) or "Q1-bbar" (without volumetric locking); tetrahedra and triangles "P1"; of second
-              order "Q2" and "P2". Cells of first order given with these are raised: the new nodes, in the middle of straight edges, come
-              after the given ones, and points, cells, cell_type and surfaces are then those of second order
+              order "Q2" and "P2". Cells of first order given with these are raised: the new nodes, in the middle of straight edges or on
+              the curves that these are evidently chords of (`fcsim.mesh.curves.middles`), come after the given ones, and points, cells,
+              cell_type and surfaces are then those of second order. Cells given of second order stay as they are
     regions   name -> numbers of cells; where the material is a `ByRegion`, those of its names, which share all cells out among them
     nodes     name -> numbers (k,) of nodes, or (k, 2), of second order (k, 3), the edges of cells along a line, their middles last:
               points and lines that supports and forces name
@@ -196,6 +198,7 @@ class Part:
 
     def _raise_order(self) -> None:
         mesh = raised(self.points, self.cells, self.cell_type, self.surfaces, f"Part {self.name!r}", self.nodes)
+        mesh = mesh._replace(points=on_curves(mesh.points, mesh.cells, mesh.cell_type))
         for array in (mesh.points, mesh.cells, *mesh.surfaces.values(), *mesh.nodes.values()):
             array.setflags(write=False)
         for name, value in mesh._asdict().items():

@@ -10,7 +10,7 @@ from fcsim.contact_detection.exact.mesh_skin import MeshSkin, normals
 from fcsim.contact_detection.exact.rims_on_edges import crossings_of_rims
 from fcsim.contact_detection.exact.solids import Placed, Touch, joined, no_touch, rim_points
 from fcsim.contact_detection.surfaces.broad_phase import near_pairs
-from fcsim.contact_detection.surfaces.ragged import each_of
+from fcsim.mesh.curves.ragged import each_of
 
 _DEEP = 0.5  # of the radius: what lies deeper is another part
 _ROUND = 1e-9  # of a facet or a radius: points on a border are on either side of it

@@ -18,7 +18,7 @@ from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.contact_detection.exact.mesh_skin import MeshSkin, normals
 from fcsim.contact_detection.exact.solids import Placed, Touch
 from fcsim.contact_detection.surfaces.broad_phase import near_pairs
-from fcsim.contact_detection.surfaces.ragged import each_of
+from fcsim.mesh.curves.ragged import each_of
 
 FINE = 0.1  # of the radius: vertices all of whose facets are no longer touch
 FITS = 0.9  # of the round body's curvature: in a hollow that is less curved it rolls, and would fall into each vertex

@@ -10,7 +10,7 @@ from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.contact_detection.exact.mesh_skin import MeshSkin, normals
 from fcsim.contact_detection.exact.solids import Placed, Touch, leaves_by_its_side, no_touch
 from fcsim.contact_detection.surfaces.broad_phase import near_pairs
-from fcsim.contact_detection.surfaces.ragged import each_of, of_same_key
+from fcsim.mesh.curves.ragged import each_of, of_same_key
 
 _TIE = 1e-9  # distances equal up to this share of the radius are one
 _FLAT = 1 - 1e-9  # cosine between facets of one face: the edge between them is none

@@ -8,7 +8,7 @@ from fcsim.arrays import BoolArray
 from fcsim.contact_detection.exact.facets import LEVEL
 from fcsim.contact_detection.exact.mesh_skin import MeshSkin
 from fcsim.contact_detection.exact.solids import Placed, Touch
-from fcsim.contact_detection.surfaces.ragged import of_same_key
+from fcsim.mesh.curves.ragged import of_same_key
 
 _LEANS = 1 - 1e-9  # cosine of normals that lean against each other
 

@@ -28,9 +28,9 @@ from fcsim.contact_detection.skin.boundary import boundary_of
 from fcsim.contact_detection.skin.closed_skin import closed_skin
 from fcsim.contact_detection.skin.shape import shape_of
 from fcsim.contact_detection.skin.skin import Shape, Skin
-from fcsim.contact_detection.surfaces.bulges import bulges_of_all_edges, highest
 from fcsim.contact_detection.sweep import samples, with_swept
 from fcsim.errors import MODEL, InputError, expect
+from fcsim.mesh.curves.bulges import bulges_of_all_edges, highest
 from fcsim.mesh.part import Body
 
 _ALERT = 1e-2  # of a body's extent

@@ -21,7 +21,7 @@ from fcsim.contact_detection.general._smoothing_kernels import interpolated_norm
 from fcsim.contact_detection.general.edges import EdgeContacts
 from fcsim.contact_detection.general.vertices import SAME_PLACE, VertexContacts
 from fcsim.contact_detection.skin.skin import Shape, Skin
-from fcsim.contact_detection.surfaces.bulges import LEVEL_OF_NORMALS, bulges, heights
+from fcsim.mesh.curves.bulges import LEVEL_OF_NORMALS, bulges, heights
 
 OPPOSED = -0.7
 """The cosine between two faces that bear each other is below it."""

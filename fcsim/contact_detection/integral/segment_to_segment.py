@@ -24,9 +24,9 @@ from fcsim.contact_detection.frames import frames
 from fcsim.contact_detection.integral._overlap_kernels import gauss_points, overlap_polygons
 from fcsim.contact_detection.surfaces import facets as contact_facets
 from fcsim.contact_detection.surfaces.broad_phase import near_facets
-from fcsim.contact_detection.surfaces.bulges import heights
 from fcsim.contact_detection.surfaces.facets import FacetGeometry, Facets, corner_vectors
 from fcsim.contact_detection.surfaces.surface import OPPOSING, SurfacePair
+from fcsim.mesh.curves.bulges import heights
 
 _SLIVER = 1e-12  # overlaps of a smaller part of the slave segment are round-off
 _STEEPEST = 0.1  # n . n_0 of the steepest normal that a twisted facet has

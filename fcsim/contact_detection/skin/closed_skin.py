@@ -12,8 +12,9 @@ from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.contact_detection.skin._shape_kernels import facet_geometry
 from fcsim.contact_detection.skin.blunt_edges import blunt
 from fcsim.contact_detection.skin.boundary import Boundary
-from fcsim.contact_detection.skin.skin import FLAT, ROUND, SMOOTH, Skin
+from fcsim.contact_detection.skin.skin import FLAT, SMOOTH, Skin
 from fcsim.errors import InputError
+from fcsim.mesh.curves.patches import ROUND
 
 
 def closed_skin(boundary: Boundary, positions: FloatArray, names: Sequence[str]) -> Skin:

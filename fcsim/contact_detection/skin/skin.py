@@ -16,10 +16,6 @@ FLAT = np.cos(np.deg2rad(0.05))
 SMOOTH = np.cos(np.deg2rad(45.0))
 """Faces that meet at less than 45 degrees stand for a curved surface: a vertex rolls over the edge between them."""
 
-ROUND = np.cos(np.deg2rad(23.0))
-"""Faces that meet at less than 23 degrees, as 16 around a circle do, may have normals interpolated between them, see `smoothing`: few real
-edges are so blunt."""
-
 
 @dataclass(frozen=True, eq=False)
 class Skin:

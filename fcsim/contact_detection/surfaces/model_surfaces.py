@@ -10,14 +10,15 @@ import numpy as np
 from fcsim.arrays import FloatArray, IntArray
 from fcsim.assembly.model import Model
 from fcsim.brief import shown
-from fcsim.contact_detection.skin.skin import ROUND, SMOOTH
+from fcsim.contact_detection.skin.skin import SMOOTH
 from fcsim.contact_detection.surfaces import facets as contact_facets
 from fcsim.contact_detection.surfaces import parents
-from fcsim.contact_detection.surfaces.bulges import bulges, bulges_of_all_edges
 from fcsim.contact_detection.surfaces.sharp_edges import smooth_patches
 from fcsim.contact_detection.surfaces.surface import ContactSurface
 from fcsim.errors import InputError
 from fcsim.mesh.cell_type import CELL_TYPES
+from fcsim.mesh.curves.bulges import bulges, bulges_of_all_edges
+from fcsim.mesh.curves.patches import ROUND
 from fcsim.mesh.part import Body
 
 

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 from scipy.sparse import csr_array
-from scipy.sparse.csgraph import connected_components
 
 from fcsim.arrays import FloatArray, IntArray
 from fcsim.contact_detection.surfaces import facets as contact_facets
 from fcsim.contact_detection.surfaces.facets import FacetGeometry, Facets
 from fcsim.contact_detection.surfaces.surface import ContactSurface
 from fcsim.errors import InputError
+from fcsim.mesh.curves.patches import patches
 
 
 def split_at_sharp_edges(surface: ContactSurface, positions: FloatArray, angle: float = np.pi / 4) -> list[ContactSurface]:
@@ -38,25 +38,8 @@ def split_at_sharp_edges(surface: ContactSurface, positions: FloatArray, angle: 
 def smooth_patches(facets: Facets, positions: FloatArray, angle: float) -> tuple[IntArray, FacetGeometry]:
     """Numbers (nf,) of the parts of a surface that edges of less than `angle` [rad] (2D: nodes) connect, at positions (n_nodes, d) [m]; and
     the facets there."""
-    first, second = _neighbours(facets)
     shape = contact_facets.geometry(facets, positions)
-    smooth = np.einsum("nd,nd->n", shape.normal[first], shape.normal[second]) >= np.cos(angle)
-    count = len(facets.nodes)
-    graph = csr_array((np.ones(smooth.sum()), (first[smooth], second[smooth])), shape=(count, count))
-    return connected_components(graph, directed=False)[1].astype(np.int64), shape
-
-
-def _neighbours(facets: Facets) -> tuple[IntArray, IntArray]:
-    """Pairs of facets that share an edge (in 2D a node)."""
-    nodes = facets.closed
-    facet = np.broadcast_to(np.arange(len(nodes))[:, None], nodes.shape)
-    ends = np.stack([nodes, nodes if facets.width == 2 else np.roll(nodes, -1, axis=1)])
-    key = ends.min(axis=0) * (1 + nodes.max()) + ends.max(axis=0)
-    real = (ends[0] != ends[1]) | (facets.width == 2)  # a padded triangle has an edge of no length
-    key, facet = key[real], facet[real]
-    order = np.argsort(key, kind="stable")
-    same = np.flatnonzero(np.diff(key[order]) == 0)
-    return facet[order[same]], facet[order[same + 1]]
+    return patches(facets.closed, shape.normal, float(np.cos(angle))), shape
 
 
 def _colours(facets: Facets, patch: IntArray, n_patches: int) -> IntArray:

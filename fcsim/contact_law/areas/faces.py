@@ -14,8 +14,8 @@ from fcsim.contact_detection.integral.segment_to_segment import Configuration, S
 from fcsim.contact_detection.surfaces import facets as contact_facets
 from fcsim.contact_detection.surfaces.broad_phase import near_facets
 from fcsim.contact_detection.surfaces.facets import Facets
-from fcsim.contact_detection.surfaces.ragged import of_same_key
 from fcsim.contact_law.areas.overlaps import FLUSH, clipped
+from fcsim.mesh.curves.ragged import of_same_key
 
 _ALIGNED = 0.5
 """Faces meet whose normals are within 60 degrees of each other's, and of the contact's."""

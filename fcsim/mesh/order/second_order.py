@@ -1,7 +1,7 @@
 """From a mesh of first order to one of second order: a node in the middle of every edge, quadrilateral face and hexahedron.
 
-The new nodes lie on the straight edges and in the middle of the faces: the body keeps its shape. Meshes that follow curved boundaries are
-made of second order by the mesher (gmsh: Mesh.ElementOrder = 2).
+The new nodes lie on the straight edges and in the middle of the faces: the body keeps its shape. A `Part` puts those of boundaries that are
+evidently curved on the curves (`fcsim.mesh.curves.middles`).
 """
 
 from __future__ import annotations

@@ -19,7 +19,7 @@ from fcsim.contact_detection.general.near import NearBodies, near_edges_and_face
 from fcsim.contact_detection.general.overlap.wedges import wedge_contacts
 from fcsim.contact_detection.general.vertices import VertexContacts
 from fcsim.contact_detection.skin.skin import Shape, Skin
-from fcsim.contact_detection.surfaces.ragged import of_same_key
+from fcsim.mesh.curves.ragged import of_same_key
 
 _BY = 10.0  # times `near`: what overlaps by less touches
 _RESTS = 1e-5  # of half a facet: what solvers leave of a contact at rest

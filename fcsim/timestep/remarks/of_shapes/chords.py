@@ -24,7 +24,7 @@ NAMED = 0.05
 
 class Chords:
     """The remark on the first two bodies that fit each other, a hollow of one around the other, whose gaps are those of their facets and,
-    by the curved surfaces that these stand for (`fcsim.contact_detection.surfaces.bulges`), wrong by more than `NAMED` of how far the
+    by the curved surfaces that these stand for (`fcsim.mesh.curves.bulges`), wrong by more than `NAMED` of how far the
     contacts deform bodies, twice the elastic energy over the sum of their forces. Steps 1, 4, 16, ... and the last are looked at.
 
     The same rules with the surfaces smoothed over all edges of less than 45 degrees are the measure, evident curves or not: what they

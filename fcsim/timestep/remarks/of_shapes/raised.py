@@ -1,4 +1,4 @@
-"""What is said of bodies that fit each other, of cells raised to second order: their middle nodes lie on the chords."""
+"""What is said of bodies that fit each other, of cells of second order whose middle nodes lie on the chords of evident curves."""
 
 from __future__ import annotations
 

@@ -5,12 +5,12 @@ import pytest
 from scipy.spatial import ConvexHull
 
 from fcsim.assembly.model import build_model
-from fcsim.contact_detection.surfaces.bulges import bulges, heights
 from fcsim.contact_detection.surfaces.facets import join
 from fcsim.contact_detection.surfaces.model_surfaces import contact_surface
 from fcsim.contact_detection.surfaces.sharp_edges import smooth_patches
 from fcsim.contact_detection.surfaces.surface import ContactSurface
 from fcsim.mesh.blocks import brick, rectangle
+from fcsim.mesh.curves.bulges import bulges, heights
 from fcsim.mesh.material import Material
 from fcsim.mesh.part import Body
 

@@ -18,7 +18,7 @@ from __future__ import annotations
 import numpy as np
 
 from fcsim.arrays import BoolArray, FloatArray, IntArray
-from fcsim.contact_detection.surfaces.ragged import of_same_key
+from fcsim.mesh.curves.ragged import of_same_key
 
 AGREE = 1.0 / 3.0
 """Of the larger curvature: two of a curve differ by no more; where an arc runs into a straight part of as long facets by half."""

@@ -25,7 +25,7 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from fcsim.arrays import BoolArray, FloatArray, IntArray
-from fcsim.contact_detection.surfaces.ragged import each_of
+from fcsim.mesh.curves.ragged import each_of
 
 RINGS, MORE, POINTS = 3, 3, 20
 """Of vertices around one, three more at most where these are fewer than `POINTS`."""

@@ -11,10 +11,10 @@ reference and moves with the body: a point of a body is where the surface was, d
 
 The normals weigh corners by sin / (|a|^2 |b|^2) of their sides (2D: 1 / length), exact on spheres and circles with facets of any lengths;
 at the rim of a smooth patch they are carried on along the facets' sides from inner corners, mirrored at the sides' middles. Of unstructured
-triangles they are those of a surface that is fitted to the vertices around (`curves.fitted_normals`), at the rim too, and sides between two
+triangles they are those of a surface that is fitted to the vertices around (`fitted_normals`), at the rim too, and sides between two
 of these belong to curves. Of B_kl and B_lk the smaller counts, but their mean, exact to the third order, where both ends have a fit and
 they differ by no more than those of curves (`AGREE`); none where they differ in sign. Facets more than `LONG` times as long as one beside
-them are flat: the straight part of what ends in a curve is none. Nor is what is no curve evidently (`curves.evident_curves`): a
+them are flat: the straight part of what ends in a curve is none. Nor is what is no curve evidently (`evident_curves`): a
 ramp, chamfers; `bulges` has none there, `bulges_of_all_edges` has them wherever three normals are.
 
 Sources: N. Max, Weights for computing vertex normals from facet normals, Journal of Graphics Tools 4, 1999; M. A. Puso and T. A. Laursen, A
@@ -26,8 +26,8 @@ from __future__ import annotations
 import numpy as np
 
 from fcsim.arrays import BoolArray, FloatArray, IntArray
-from fcsim.contact_detection.surfaces.curves.evident_curves import AGREE, evident_sides
-from fcsim.contact_detection.surfaces.curves.fitted_normals import fitted_normals
+from fcsim.mesh.curves.evident_curves import AGREE, evident_sides
+from fcsim.mesh.curves.fitted_normals import fitted_normals
 
 LEVEL = 1e-9
 """Of a facet's size: less is round-off, and the facet is flat."""

@@ -5,8 +5,8 @@ import pytest
 from scipy.spatial import Delaunay
 from scipy.spatial.transform import Rotation
 
-from fcsim.contact_detection.surfaces.bulges import bulges
-from fcsim.contact_detection.surfaces.curves.fitted_normals import fitted_normals
+from fcsim.mesh.curves.bulges import bulges
+from fcsim.mesh.curves.fitted_normals import fitted_normals
 
 
 def cylinder(a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

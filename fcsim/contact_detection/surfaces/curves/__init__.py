@@ -1,1 +1,0 @@
-"""Surfaces that facets stand for: which facets are chords of a curve, and its normals at their vertices."""
