@@ -52,6 +52,8 @@ rocks, 4 and more of boxes, in the plane 2."""
 FIRST_IN_BEDS, ALONE_IN_BEDS = 30, 20
 """Newton's iterations whose cost sweeps spend there before their rate is believed, and those of the first Newton, the only one, before it
 must have got on: an interior point comes next, in the race."""
+FEWEST = 60
+"""Contacts of a bed up to which Newton here costs less than the small steps of a race, so that both its starts are tried as elsewhere."""
 STILL = 0.999
 """Factor by which sweeps between two errors bring an error above `FAR` down at least, or they are at an end."""
 NO_ANSWER_YET = 5
@@ -120,9 +122,9 @@ def solve_automatically(
 ):  # fmt: skip
     """Conjugate sweeps from `start` (m,) and proximal Newton from their best iterate, then from zero, by turns until the error is tol.
 
-    In beds of grains the first Newton is the only one, and a shorter one, after more sweeps. Where the first one leaves the error above
-    `FAR`, there may be no solution: sweeps are over then, and where Newton from zero costs more than a proof, that is to come before
-    (`NO_ANSWER_YET`; a call with the iterations `done` so far and their best iterate as start goes on).
+    In beds of more than `FEWEST` contacts the first Newton is the only one, and a shorter one, after more sweeps. Where the first one
+    leaves the error above `FAR`, there may be no solution: sweeps are over then, and where Newton from zero costs more than a proof, that
+    is to come before (`NO_ANSWER_YET`; a call with the iterations `done` so far and their best iterate as start goes on).
     look: sweeps between two errors; first: Newton's iterations whose cost the sweeps spend before their rate is believed; alone: those of
     Newton from the sweeps' iterate, from zero, and from zero from afar before it must have got on; within: those from each at the most;
     budget: seconds on the reference machine after which sweeps, and after half of which Newton is left; velocities: those of the bodies
@@ -147,7 +149,7 @@ def solve_automatically(
     if not np.all(largest > 0.0):
         return NOT_HERE, 0, 0, zero, q, 0.0, 0.0, 0.0, none
     turns, own = 2, alone
-    if nc < (LOOSE if d == 3 else LOOSE_2D) * row_patterns(starts, columns):
+    if nc > FEWEST and nc < (LOOSE if d == 3 else LOOSE_2D) * row_patterns(starts, columns):
         turns, first, own = 1, max(first, FIRST_IN_BEDS), (min(alone[0], ALONE_IN_BEDS), alone[1], alone[2])
     rho, order, frozen = np.ascontiguousarray(1.0 / largest[:, :2]), np.arange(nc), np.zeros(nc, dtype=np.int64)
     from_here, direction, last, awaited = r3.copy(), np.zeros_like(r3), 0.0, tol
