@@ -169,7 +169,7 @@ def test_what_lies_on_a_lying_cylinder_is_not_held_by_its_end(centre: float, wid
 @pytest.mark.parametrize("wide", [np.sqrt(2) * (1 - 1e-8), 2.0])
 def test_borders_that_lie_on_each_other_bear_what_is_a_hair_within(wide: float, unit: float) -> None:
     """A drum on a square post whose corners, or the middles of its sides, lie on its rim, 1e-6 of the radius deep: places that are nearer
-    to the border of an end or a face than they are deep are held still, as the others are. They were lost, and with them the drum's stand."""
+    to the border of an end or a face than they are deep are held still, as the others are. They were lost, and the drum's stand."""
     low = rigid_box("post", (wide * unit, wide * unit, 4 * unit), (0, 0, -2 * unit), 1.0)
     drum = rigid_cylinder("drum", unit, unit, (0, 0, (0.5 - 1e-6) * unit), 1.0)
     model = build_model([low, drum])

@@ -453,7 +453,7 @@ def test_a_gyroscope_that_turns_by_half_a_radian_a_step_closes_in_a_few_rounds(s
 
 
 def test_a_loop_that_jams_is_cut_and_closed_not_called_contradictory() -> None:
-    """Two bars on two parallel hinges and a ball near their dead point, thrown out of their plane: what rounds add hardly changes there, and
+    """Two bars on parallel hinges and a ball near their dead point, thrown out of their plane: what rounds add hardly changes there, and
     mixed, it led off what can be kept together, which ended the run as links that contradict each other."""
     bars = [rigid_box(f"bar {i}", (1, 0.3, 0.2), (1 + 2 * i, 0, 0), 1.0) for i in range(2)]
     left, knee = (
