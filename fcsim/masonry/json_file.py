@@ -51,8 +51,9 @@ _MEANT = {"fixed": "support", "is_support": "support", "friction": "mu", "mu": "
 """What is said in other words, and the key that says it."""
 _BEYOND = ("cohesi", "tension", "tensile", "dilat", "friction_angle")
 """Parts of the names of what joints of dry blocks do not have, or have as another number."""
-_DENIED = re.compile(r"\b(no|non|not|nor|without|zero)\b|less\b|(?<![\w.])0+(\.0*)?(?![\w.])", re.IGNORECASE)
-"""What says of such a name that it is not there: no cohesion, cohesionless, cohesion 0."""
+_DENIED = re.compile(r"(?i)\b(no|not|nor|none|never|cannot|free|false|without|zero|non(?=.?(coh|ten|dil)))\b|[en]sionless|\b0+\b(?!\.?\d)")
+_OF_SIZE = re.compile(r"(?i)(cohesi|tensi|dilat)((?!\bmu\b|fricti|\bphi\b)[^(])*?(?<![\w.,])(?!0+([.,]0*)?(e\d+)?(?![\w.,]))\d")
+"""What says of such a name that it is not there, no cohesion, cohesionless, cohesion 0, and what gives it a size all the same."""
 _UNITS = {
     "length": ("m", "metre", "metres", "meter", "meters"),
     "mass": ("kg", "kilogram", "kilograms"),
@@ -269,9 +270,7 @@ def _motion(entry: object, where: str) -> tuple[str, tuple[float, float, float]]
 
 def _expected(entry: object, where: str) -> Expected:
     entry = _mapping(entry, where)
-    value = entry.get("value")
-    if not isinstance(value, str):
-        value = _get(float, entry, "value", where)
+    value = _get(str if isinstance(entry.get("value"), str) else float, entry, "value", where)
     texts = {key: _get(str, entry, key, where, "") for key in ("kind", "bound")}
     return Expected(_get(str, entry, "quantity", where), value, **texts, tolerance=_get(float | None, entry, "tolerance", where, None))
 
@@ -295,7 +294,8 @@ def _refuse_slips(entry: Mapping[str, object], kind: str, where: str) -> None:
     for key, value in entry.items():
         if (key in known and key != "law") or not value:
             continue
-        said = [part for part in re.split("[,;]", str(value)) if not _DENIED.search(part)] if key == "law" else [key]
+        parts = re.split(r";|,(?!\d)", str(value).replace("_", " ").replace("None", "0")) if key == "law" else [key]
+        said = [part for part in parts if key != "law" or not _DENIED.search(part) or _OF_SIZE.search(part)]
         if any(part in words.lower() for part in _BEYOND for words in said):
             raise InputError(f"{where}: expected dry joints with Coulomb's friction mu, got {key!r}: {value!r}, which is not covered")
         left = [name for name in known if name not in entry]

@@ -163,3 +163,20 @@ def test_what_lies_on_a_lying_cylinder_is_not_held_by_its_end(centre: float, wid
     assert_allclose(moved[:3], (0, 0, -drop), atol=1e-8)
     assert_allclose(force[:, 0], 0, atol=1e-5)
     assert_allclose(force[-1, 2], top.mass * G, rtol=1e-6)
+
+
+@pytest.mark.parametrize("unit", [1e-4, 1.0, 1e3])
+@pytest.mark.parametrize("wide", [np.sqrt(2) * (1 - 1e-8), 2.0])
+def test_borders_that_lie_on_each_other_bear_what_is_a_hair_within(wide: float, unit: float) -> None:
+    """A drum on a square post whose corners, or the middles of its sides, lie on its rim, 1e-6 of the radius deep: places that are nearer
+    to the border of an end or a face than they are deep are held still, as the others are. They were lost, and the drum's stand."""
+    low = rigid_box("post", (wide * unit, wide * unit, 4 * unit), (0, 0, -2 * unit), 1.0)
+    drum = rigid_cylinder("drum", unit, unit, (0, 0, (0.5 - 1e-6) * unit), 1.0)
+    model = build_model([low, drum])
+    found = ExactContacts(model, 0.3)(model.reference)
+    held = found.take(np.abs(found.frame[:, 0, 2]) > 1 - 1e-6)
+    assert_allclose(held.gap, -1e-6 * unit, rtol=1e-6)
+    corners = wide / 2 * np.array([(-1, -1), (-1, 1), (1, -1), (1, 1)])
+    rim = [(np.sin(a), np.cos(a)) for a in 2 * np.pi / 3 * np.arange(3)]
+    for place in corners if wide < 2 else rim:
+        assert np.linalg.norm(held.point[:, :2] / unit - place, axis=1).min() < 1e-5

@@ -15,6 +15,7 @@ from fcsim.mesh.curves.ragged import each_of
 _DEEP = 0.5  # of the radius: what lies deeper is another part
 _ROUND = 1e-9  # of a facet or a radius: points on a border are on either side of it
 _FACING = 0.1  # cosine: facets and sides of a vertex that look less against an end lie along it
+_HAIR = 1e-2  # of the radius: what is no deeper leaves by the face or end that it was found at, also where it lies on a border of it
 _OTHER = 0.5  # of the depth below a face: what is nearer to another one leaves by that
 _LEVEL = 0.02  # sine between an end and an edge that lies in it
 _FLAT = 1 - 1e-9  # cosine between facets of one face: the edge between them is none
@@ -54,7 +55,7 @@ def _rims_on_faces(now: Placed, skin: MeshSkin, x: FloatArray, normal: FloatArra
             s, t = (cc * ab - bc * ac) / det, (bb * ac - bc * ab) / det
             keep = in_front & (s >= -_ROUND) & (t >= -_ROUND) & (s + t <= 1 + _ROUND)
             keep &= (height <= alert) & (height > -_DEEP * now.solids.radius[k])
-            deep = np.flatnonzero(keep & (height < -_ROUND * now.solids.radius[k]))
+            deep = np.flatnonzero(keep & (height < -_HAIR * now.solids.radius[k]))
             keep[deep] = ~_nearer_to_another(skin, x, points[deep, third], skin.body[f[deep]], -height[deep], middle, size)
             code = (3 * (end > 0) + third) + 6 * i[keep]
             weights = np.stack([1 - s - t, s, t], axis=1)[keep]
@@ -115,7 +116,7 @@ def _out_by_the_end(now: Placed, k: IntArray, gap: FloatArray, aside: FloatArray
     what lies on a lying cylinder is a hair within it, and far from its ends."""
     radius = now.solids.radius[k]
     shallow = gap > -_DEEP * np.minimum(radius, now.solids.half[k])
-    return shallow & (-gap <= np.maximum(radius - aside, _ROUND * radius))
+    return shallow & (-gap <= np.maximum(radius - aside, _HAIR * radius))
 
 
 def _surroundings(skin: MeshSkin, x: FloatArray, normal: FloatArray, v: IntArray, out: FloatArray) -> tuple[BoolArray, BoolArray]:

@@ -56,6 +56,7 @@ class Closing:
         self.rows, self.given_up = rows, False
         self._model, self._scheme, self._before, self._extent = model, scheme, before, extent
         self._rounds, self._left = 0, 0.0
+        self._mixed = False
         self._past: list[tuple[FloatArray, FloatArray]] = []  # b of the rounds so far and what each adds, newest last
 
     def impulse(self, multiplier: FloatArray | None) -> FloatArray | float:
@@ -86,7 +87,8 @@ class Closing:
     def _round(self, rows: Linked, v: FloatArray, l: FloatArray, after: State) -> _Round:
         """Directions of links are taken anew about the answer, by fixed-point iteration."""
         model, scheme, extent = self._model, self._scheme, self._extent
-        rows.refuse_contradictions(v, scheme.timing.length_per_u, extent)
+        if not self._mixed:  # mixing may lead off what can be kept together, where rounds add the same again and again
+            rows.refuse_contradictions(v, scheme.timing, extent)
         missing = rows.missing(model, scheme, v, after)
         worst = float(np.abs(missing).max(initial=0.0)) / extent
         later = self._sooner(rows, rows.bent(model, scheme, v, (self._before, after), missing))
@@ -100,10 +102,14 @@ class Closing:
         if later.G is not rows.G:
             return later
         b, f = rows.b, later.b - rows.b
-        grows = bool(self._past) and np.linalg.norm(f) > np.linalg.norm(self._past[-1][1])  # contacts have changed
-        self._past = [*([] if grows else self._past[-MIXED:]), (b, f)]
+        if self._past and np.linalg.norm(f) > np.linalg.norm(self._past[-1][1]):  # contacts have changed, or mixing went astray
+            astray, (b0, f0) = len(self._past) > 1, self._past[-1]
+            self._past = [] if astray else [(b, f)]
+            return replace(later, b=b0 + f0) if astray else later
+        self._past = [*self._past[-MIXED:], (b, f)]
         if len(self._past) < 2:
             return later
+        self._mixed = True
         dB, dF = (np.diff(np.stack(values, axis=1), axis=1) for values in zip(*self._past, strict=True))
         c = np.linalg.lstsq(dF, f, rcond=INDEPENDENT)[0]
         return replace(later, b=b + f - (dB + dF) @ c)
@@ -127,7 +133,7 @@ class ClosingInStatics(Closing):
         if far > FARTHEST and self._rounds < ROUNDS_OF_STATICS:
             self._at = v - (1 - FARTHEST / far) * way
             return _Round(rows.at(model.advance(x, self._at), self._at, l), far, closed=False)
-        rows.refuse_contradictions(v, scheme.timing.length_per_u, extent)
+        rows.refuse_contradictions(v, scheme.timing, extent)
         worst = float(np.abs(rows.missing(model, scheme, v, after)).max(initial=0.0)) / extent
         later, self._at = rows.at(after.x, v, l), v
         change = rows.unbalanced(later, model, l, extent)

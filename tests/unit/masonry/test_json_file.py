@@ -145,6 +145,34 @@ def test_no_file(tmp_path: Path) -> None:
         read_masonry(tmp_path / "nowhere.json")
 
 
+SAID = [
+    "Coulomb without tension but cohesion 1e5 Pa",
+    "non-associated Coulomb with cohesion 1e5 Pa",
+    "no tension and cohesion 0,1 MPa",
+    "Coulomb without dilatancy and with tensile strength 2e5",
+    "cohesion 1e5 Pa (no tension)",
+]
+DENIED = [
+    "tension-free Coulomb",
+    "coulomb_no_tension",
+    "cohesion: none",
+    {"cohesion": None, "tension": False},
+    "no tension mu 0.6",
+    "no tension (1966)",
+]
+
+
+@pytest.mark.parametrize("law", [*SAID, *DENIED])
+def test_what_a_law_says_in_words_is_refused_only_where_it_is_there(law: object, tmp_path: Path) -> None:
+    """A "no" of another name hid a cohesion, which was left aside; "tension-free" was refused."""
+    path = write(tmp_path, PROBLEM | {"contact": {"mu": 0.5, "law": law}})
+    if law not in SAID:
+        assert read_masonry(path).mu == 0.5
+        return
+    with pytest.raises(InputError, match="contact: expected dry joints"):
+        read_masonry(path)
+
+
 def test_ends_of_a_plane_block_may_be_of_triangles(tmp_path: Path) -> None:
     """The prism that they bound counts, not the first triangle: mass and centroid by hand."""
     from fcsim.masonry.bodies import rigid_blocks
