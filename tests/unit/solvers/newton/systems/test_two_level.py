@@ -105,7 +105,7 @@ def test_by_its_name_it_finds_the_bodies_in_M(monkeypatch: pytest.MonkeyPatch) -
     Wx = local.W @ x
     assert_allclose(ShareProduct(shares).affine(x, np.zeros_like(x)), Wx, atol=1e-13 * np.abs(Wx).max())
     monkeypatch.setattr(alone.SystemByBodies, "solve", without_another)
-    found, reference = (solve(p, "NSN-AC", tol=1e-9, linear=linear) for linear in ("two-level", "kkt"))
+    found, reference = (solve(p, "NSN-AC", tol=1e-11, linear=linear) for linear in ("two-level", "kkt"))
     assert found.solved and reference.solved
     assert_allclose(found.u, reference.u, atol=1e-6 * np.abs(reference.u).max())
 
