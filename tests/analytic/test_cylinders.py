@@ -5,6 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from fcsim import Body, Gap, Material, RigidBody, Step, build_model
+from fcsim.contact_detection.contacts import Contacts
 from fcsim.contact_detection.exact import ExactContacts
 from fcsim.mesh import brick, rigid_box, rigid_capsule, rigid_cylinder, rigid_plane, rigid_sphere
 from fcsim.mesh.exact.rigid_polyhedron import rigid_polyhedron
@@ -180,3 +181,26 @@ def test_borders_that_lie_on_each_other_bear_what_is_a_hair_within(wide: float, 
     rim = [(np.sin(a), np.cos(a)) for a in 2 * np.pi / 3 * np.arange(3)]
     for place in corners if wide < 2 else rim:
         assert np.linalg.norm(held.point[:, :2] / unit - place, axis=1).min() < 1e-5
+
+
+@pytest.mark.parametrize("unit", [1e-4, 0.37, 1.0, 1e3])
+@pytest.mark.parametrize("corners", [4, 5, 6, 8])
+def test_what_is_inscribed_in_an_end_bears_at_its_corners(corners: int, unit: float) -> None:
+    """A prism whose corners lie on the rim to the last bit, above a drum and below it. There was no contact at all, and it fell through.
+    One that stands beside the drum, its corner on the rim, has none that looks along the axis."""
+    around = 2 * np.pi * np.arange(corners) / corners
+    base = unit * np.stack([np.cos(around), np.sin(around), 0 * around], axis=1)
+    prism = np.concatenate([base, np.add(base, (0, 0, unit))])
+
+    def along_the_axis(points: np.ndarray) -> Contacts:
+        bodies = [rigid_cylinder("drum", unit, unit, (0, 0, 0), 1.0), rigid_polyhedron("prism", points, 1.0)]
+        model = build_model(bodies)
+        found = ExactContacts(model, 0.3)(model.reference)
+        return found.take(np.abs(found.frame[:, 0, 2]) > 1 - 1e-9)
+
+    for height in (0.5 * unit, -1.5 * unit):
+        held = along_the_axis(np.add(prism, (0, 0, height)))
+        assert_allclose(held.gap, 0, atol=1e-12 * unit)
+        for place in base[:, :2]:
+            assert np.linalg.norm(held.point[:, :2] - place, axis=1).min() < 1e-9 * unit
+    assert not len(along_the_axis(prism * (-1, -1, 1) + (2 * unit, 0, 0.5 * unit)))

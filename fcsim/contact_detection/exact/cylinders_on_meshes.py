@@ -88,7 +88,8 @@ def _once(code: IntArray, body: IntArray, normal: FloatArray) -> IntArray:
 
 
 def _ends_on_vertices(now: Placed, skin: MeshSkin, x: FloatArray, normal: FloatArray, cylinders: IntArray, alert: float) -> Touch:
-    """Vertices within an end whose surroundings look at it and do not go on into the cylinder."""
+    """Vertices within an end whose surroundings look at it and do not go on into the cylinder; on its rim those that nothing around looks
+    at the axis of."""
     at = x[skin.vertices]
     i, v = near_pairs(now.centre[cylinders], at, np.full(len(at), _reach(now, cylinders) + alert))
     k = cylinders[i]
@@ -97,10 +98,13 @@ def _ends_on_vertices(now: Placed, skin: MeshSkin, x: FloatArray, normal: FloatA
     end = np.where(s < 0, -1.0, 1.0)
     out = end[:, None] * now.along[k]
     gap = np.abs(s) - now.solids.half[k]
-    aside = np.linalg.norm(arm - s[:, None] * now.along[k], axis=1)
-    keep = (aside < now.solids.radius[k] * (1 - _ROUND)) & (gap <= alert) & _out_by_the_end(now, k, gap, aside)
-    i, v, k, out, gap = i[keep], v[keep], k[keep], out[keep], gap[keep]
+    across = arm - s[:, None] * now.along[k]
+    aside, radius = np.linalg.norm(across, axis=1), now.solids.radius[k]
+    keep = (aside < radius * (1 + _ROUND)) & (gap <= alert) & _out_by_the_end(now, k, gap, aside)
+    i, v, k, out, gap, across = i[keep], v[keep], k[keep], out[keep], gap[keep], across[keep]
     looks, clear = _surroundings(skin, x, normal, v, out)
+    on_rim = np.flatnonzero(aside[keep] >= radius[keep] * (1 - _ROUND))  # corners of what is inscribed, or of what lies on the side
+    clear[on_rim] &= ~_surroundings(skin, x, normal, v[on_rim], across[on_rim] / radius[keep][on_rim, None])[0]
     good = looks & clear
     i, v, k, out, gap = i[good], v[good], k[good], out[good], gap[good]
     nodes = np.column_stack([skin.vertices[v], np.full((len(v), 2), -1)])

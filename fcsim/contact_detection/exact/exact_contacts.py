@@ -33,6 +33,9 @@ from fcsim.mesh.exact_shape import endless
 _ON_PLANES = {2: 4, 3: 6}
 """By dimension, the kind of vertices on planes: slaves of one node, where others have d + 1."""
 
+_KEPT = 3
+"""Configurations whose contacts are kept: a step asks for those at its end twice, and the next one begins where it looked last."""
+
 _ALERT = 0.05  # of the smallest radius; where planes are the only exact shapes, of half the smallest extent of what is meshed
 
 
@@ -64,6 +67,7 @@ class ExactContacts:
     excluded: IntArray = field(init=False, repr=False)
     _meshed_nodes: IntArray = field(init=False, repr=False)
     _meshed_bodies: IntArray = field(init=False, repr=False)
+    _recent: tuple[tuple[tuple[bytes, float], list[Touch]], ...] = field(init=False, repr=False, default=())
 
     __repr__ = brief
 
@@ -153,9 +157,10 @@ class ExactContacts:
         """Contacts with exact shapes at x and along the way of the step."""
         now, alert = placed(self.solids, x), self.distance
         if way is None:
-            return self._at(now, x, alert)
+            return self._contacts(self._standing(now, x, alert))
         count, closing = looks(now, self.skin, x, way, alert)
-        begin, ahead = self._found(now, x, alert if count else alert + closing, way)
+        touches, ahead = self._with_ahead(self._standing(now, x, alert if count else alert + closing), now, x, way)
+        begin = self._contacts(touches)
         if not (count or ahead):
             return begin
         # what an edge ahead does not hold any more, the face behind it may
@@ -163,7 +168,8 @@ class ExactContacts:
 
         def met_at(t: float) -> Contacts:
             there = x + t * way
-            return self._at(placed_on_the_way(self.solids, there), there, further, now)
+            then = placed_on_the_way(self.solids, there)
+            return self._contacts([round_points(touch, then, now) for touch in self._touches(then, there, further)])
 
         met = with_swept(begin, met_at, x, way, times, alert)
         return self.on_their_master(met, x)
@@ -196,30 +202,35 @@ class ExactContacts:
         back[rows] = np.concatenate([touch.slave_weights, -touch.master_weights], axis=1)
         return replace(contacts, weights=back)
 
-    def _at(self, now: Placed, x: FloatArray, alert: float, begin: Placed | None = None) -> Contacts:
-        """Contacts of the exact shapes as they stand, up to a gap of `alert` [m]; begin: where they stood, see `round_points`."""
-        return self._found(now, x, alert, None, begin)[0]
+    def _standing(self, now: Placed, x: FloatArray, alert: float) -> list[Touch]:
+        """`_touches` of solids `placed` at x, those of the last configurations kept."""
+        key = (x.tobytes(), alert)
+        for known, touches in self._recent:
+            if known == key:
+                return touches
+        touches = self._touches(now, x, alert)
+        object.__setattr__(self, "_recent", ((key, touches), *self._recent[: _KEPT - 1]))  # in one piece: steps are written by a thread
+        return touches
 
-    def _found(
-        self, now: Placed, x: FloatArray, alert: float, way: FloatArray | None, begin: Placed | None = None
-    ) -> tuple[Contacts, bool]:
-        """The same; on the way (n_nodes, d) [m] of a step with what is `met_ahead`, and whether anything is."""
+    def _touches(self, now: Placed, x: FloatArray, alert: float) -> list[Touch]:
+        """Contacts of the exact shapes as they stand, up to a gap of `alert` [m], by kind."""
         found = [rounded_contacts(now, alert), on_planes(now, alert)]
         if x.shape[1] == 3:
             found += [balls_on_cylinders(now, alert), cylinders_with_cylinders(now, alert)]
         if self.skin is not None:
             found += self._on_meshes(now, self.skin, x, alert)
-        if begin is not None:
-            found = [round_points(touch, now, begin) for touch in found]
-        ahead = False
-        if way is not None and self.skin is not None:
-            known = np.isin(np.arange(len(self.model.bodies)), self.solids.body)
-            for kind, touch in enumerate(found):
-                if len(touch.bodies) and not known[touch.bodies[:, 1]].any():
-                    found[kind], other = met_ahead(touch, now, x, way)
-                    ahead |= other
-        # the first has as many nodes as any, so that a contact has them whatever else is found
-        return join([self._contacts(touch, kind) for kind, touch in enumerate(found) if len(touch.bodies) or kind == 0]), ahead
+        return found
+
+    def _with_ahead(self, found: list[Touch], now: Placed, x: FloatArray, way: FloatArray) -> tuple[list[Touch], bool]:
+        """The contacts with what is `met_ahead` on the way (n_nodes, d) [m] of a step, and whether anything is."""
+        if self.skin is None:
+            return found, False
+        known, touches, ahead = np.isin(np.arange(len(self.model.bodies)), self.solids.body), list(found), False
+        for kind, touch in enumerate(found):
+            if len(touch.bodies) and not known[touch.bodies[:, 1]].any():
+                touches[kind], other = met_ahead(touch, now, x, way)
+                ahead |= other
+        return touches, ahead
 
     def _on_meshes(self, now: Placed, skin: MeshSkin, x: FloatArray, alert: float) -> list[Touch]:
         """Contacts with meshed bodies, by kind."""
@@ -240,7 +251,12 @@ class ExactContacts:
         stay = [touch if touch is planes else touch.take(beside(touch, dents, number, len(x))) for touch in found]
         return [*stay, dents.touch]
 
-    def _contacts(self, touch: Touch, kind: int) -> Contacts:
+    def _contacts(self, found: list[Touch]) -> Contacts:
+        """The contacts of all kinds."""
+        # the first has as many nodes as any, so that a contact has them whatever else is found
+        return join([self._of_kind(touch, kind) for kind, touch in enumerate(found) if len(touch.bodies) or kind == 0])
+
+    def _of_kind(self, touch: Touch, kind: int) -> Contacts:
         """Contacts of a kind, sorted by identity."""
         touch = touch.take(self._may_touch(touch.bodies))
         touch = touch.take(np.argsort(touch.identity, kind="stable"))
