@@ -98,7 +98,10 @@ class Closing:
     def _sooner(self, rows: Linked, later: Linked) -> Linked:
         """The `later` rows of rigid bodies, whose directions stay, by Anderson's mixing: b + f less (dB + dF) c, c the least squares of
         dF c = f, f = later.b - b what a round adds, dB and dF the differences of `MIXED` rounds. By b + f alone what bodies that spin turn
-        by in a step is the rate of convergence."""
+        by in a step is the rate of convergence. Where f grows, mixing has gone astray: back to the best b, which takes its own f.
+
+        Source: D. G. Anderson, Iterative procedures for nonlinear integral equations, Journal of the ACM 12, 1965.
+        """
         if later.G is not rows.G:
             return later
         b, f = rows.b, later.b - rows.b

@@ -24,30 +24,22 @@ raise SystemExit(EntryPoint("fcsim", {program!r}, "console_scripts").load()())
     return subprocess.run([sys.executable, "-c", lines + begun], capture_output=True, text=True, cwd=root)
 
 
-def test_ctrl_c_while_the_command_line_is_loaded_is_a_line() -> None:
-    """Loading takes a second, in which it was a traceback."""
-    ended = _program("""
+@pytest.mark.parametrize(
+    ("loaded", "code", "said"),
+    [("fcsim.command_line.main", 130, "fcsim: interrupted by the keyboard\n"), ("fcsim.moved", -signal.SIGINT, "")],
+    ids=["command line", "package"],
+)
+def test_ctrl_c_while_the_program_is_loaded_is_no_traceback(loaded: str, code: int, said: str) -> None:
+    """Loading the command line takes a second, the package before it a tenth: in both it was a traceback of imports."""
+    ended = _program(f"""
 import os, signal, sys
 class Presses:
     def find_spec(self, name, *rest):
-        if name == "fcsim.command_line.main":
+        if name == {loaded!r}:
             os.kill(os.getpid(), signal.SIGINT)
 sys.meta_path.insert(0, Presses())
 """)
-    assert (ended.returncode, ended.stdout, ended.stderr) == (130, "", "fcsim: interrupted by the keyboard\n")
-
-
-def test_ctrl_c_while_the_package_is_loaded_says_nothing() -> None:
-    """In the tenth of a second before the program is asked for anything it was a traceback of imports."""
-    ended = _program("""
-import os, signal, sys
-class Presses:
-    def find_spec(self, name, *rest):
-        if name == "fcsim.moved":
-            os.kill(os.getpid(), signal.SIGINT)
-sys.meta_path.insert(0, Presses())
-""")
-    assert (ended.returncode, ended.stdout, ended.stderr) == (-signal.SIGINT, "", "")
+    assert (ended.returncode, ended.stdout, ended.stderr) == (code, "", said)
 
 
 def test_ctrl_c_once_the_answer_is_given_ends_without_a_traceback() -> None:
