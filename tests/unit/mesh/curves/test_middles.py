@@ -95,3 +95,25 @@ def test_cells_that_would_fold_keep_their_chords() -> None:
     other = Part("disc", disc.points, np.stack([np.full(n, n), np.arange(n), np.roll(np.arange(n), -1)], axis=1), "triangle", {}, STEEL)
     part, _ = bent(other, lambda x, y: [x, y])
     assert cell_volumes(part.points, part.cells, part.cell_type).sum() == pytest.approx(np.pi, rel=1e-4)
+
+
+@pytest.mark.parametrize("corners", [16, 24, 60])
+@pytest.mark.parametrize("a_side", [1, 2])
+def test_sides_of_two_cells_are_flat_those_of_one_are_chords(corners: int, a_side: int) -> None:
+    """A ring with corners on circles: one cell a side cannot be told from a circle's chord, two say that the side is flat."""
+    around = 2 * np.pi * np.arange(corners) / corners
+    corner = np.stack([np.cos(around), np.sin(around)], axis=1)
+    share = np.arange(a_side)[None, :, None] / a_side
+    outer = (corner[:, None] + share * (np.roll(corner, -1, axis=0) - corner)[:, None]).reshape(-1, 2)
+    n = len(outer)
+    here, after = np.arange(n), np.roll(np.arange(n), -1)
+    quadrilaterals = np.stack([here, n + here, n + after, after], axis=1)
+    outside = {"out": n + np.stack([here, after], axis=1)}
+    points = np.concatenate([INNER * outer, OUTER * outer])
+    part = Part("ring", points, quadrilaterals, "quadrilateral", outside, STEEL, elements="Q2")
+    straight = raised(points, quadrilaterals, "quadrilateral", outside, "ring").points
+    if a_side == 2:
+        assert np.array_equal(part.points, straight)
+    else:
+        assert np.linalg.norm(part.points[part.surfaces["out"]], axis=2) == pytest.approx(OUTER, rel=1e-3)
+        assert np.abs(part.points - straight).max() > 0.9 * (1 - np.cos(np.pi / corners))
