@@ -32,23 +32,19 @@ MODULES: Mapping[str, Moved] = {
     "fcsim.command_line.collection": Moved("fcsim.command_line.sets.collection"),
     "fcsim.command_line.profile": Moved("fcsim.command_line.sets.profile"),
     "fcsim.contact_detection.general.overlaps": Moved("fcsim.contact_detection.general.overlap.overlaps"),
-    "fcsim.contact_detection.surfaces.bulges": Moved("fcsim.mesh.curves.bulges"),
-    "fcsim.contact_detection.surfaces.ragged": Moved("fcsim.mesh.curves.ragged"),
     "fcsim.masonry.branch": Moved("fcsim.masonry.histories.branch"),
+    "fcsim.masonry.shake": Moved("fcsim.masonry.histories.shake"),
     "fcsim.mesh.material.orthotropic": Moved("fcsim.mesh.material.linear"),
     "fcsim.mesh.closed_surface": Moved("fcsim.mesh.solids.closed_surface"),
     "fcsim.mesh.rigid_polygon": Moved("fcsim.mesh.solids.rigid_polygon"),
     "fcsim.running.own_files": Moved("fcsim.running.refusals.own_files"),
     "fcsim.running.size": Moved("fcsim.running.refusals.size"),
     "fcsim.timestep.first_half": Moved("fcsim.timestep.beginning.first_half"),
-    "fcsim.timestep.step_equation.loops.heavier": Moved("fcsim.timestep.step_equation.loops.proximal_mass"),
-    "fcsim.timestep.step_equation.loops.natural": Moved("fcsim.timestep.step_equation.loops.natural_monotonicity"),
-    "fcsim.timestep.step_equation.loops.positive": Moved("fcsim.timestep.step_equation.loops.positive_definite"),
     "fcsim.timestep.step_equation.mixing": Moved("fcsim.timestep.step_equation.loops.mixing"),
     "fcsim.timestep.warm_start": Moved("fcsim.timestep.reactions.warm_start"),
     "fcsim.view.page.surface": Moved("fcsim.view.joints.surface"),
 }
-"""Modules that lie elsewhere since 0.2.0."""
+"""Modules of 0.1.0 and 0.2.0 that lie elsewhere now."""
 
 
 def renamed(name: str, names: Mapping[str, Moved] | None = None) -> str:
