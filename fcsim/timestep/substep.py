@@ -23,7 +23,7 @@ from fcsim.solvers import Memory
 from fcsim.timestep.beginning.first_half import passes, refuse_going_through
 from fcsim.timestep.beginning.impact import struck
 from fcsim.timestep.chain import Attempt, Clock, SolverSettings, settings_of_model
-from fcsim.timestep.encounter import Anew, Encounter, Told, encounter, met_on_the_way
+from fcsim.timestep.encounter import Encounter, LawInput, Redetection, encounter, met_on_the_way
 from fcsim.timestep.energy import Energy
 from fcsim.timestep.links.linked import linked
 from fcsim.timestep.links.mechanisms import unstable
@@ -212,7 +212,7 @@ class Substep:
         """The contacts of the step; None where bodies would pass each other in it."""
         run, last = self.run, start.memory[0] if start.memory else None
         drift = drift_of(self.scheme, run.model, last) if run.linkage is None else None
-        told = Told(run.proportions, start.variables, linkage=run.linkage, drift=drift)
+        told = LawInput(run.proportions, start.variables, linkage=run.linkage, drift=drift)
         met = encounter(run.model, run.detection, self.scheme, start.state, told)
         self.clock.lap("detection")
         if met.passing is not None and self.cuts == run.cuttings:
@@ -269,13 +269,13 @@ class Substep:
             )
         return falls
 
-    def _anew(self, start: Moment, equation: Equation) -> Anew | None:
+    def _anew(self, start: Moment, equation: Equation) -> Redetection | None:
         """What finds contacts at the iterates of a step of statics; None in dynamics."""
         if equation.scheme.timing.moving:
             return None
         model, scheme, state = self.run.model, equation.scheme, start.state
-        told = Told(self.run.proportions, start.variables, trial=equation.met.meeting.trial, linkage=self.run.linkage)
-        return Anew(lambda by, v, more: met_on_the_way(model, by, scheme, state, v, more, told), self.run.detection, model)
+        told = LawInput(self.run.proportions, start.variables, trial=equation.met.meeting.trial, linkage=self.run.linkage)
+        return Redetection(lambda by, v, more: met_on_the_way(model, by, scheme, state, v, more, told), self.run.detection, model)
 
     def _ended(self, opened: _Opened, solved: _Solved, anchor: Moment, end: AtEnd) -> Step:
         """What a step is made of."""

@@ -29,7 +29,7 @@ from fcsim.assembly.model import Model
 from fcsim.linkage import Linkage
 from fcsim.timestep.beginning.agreement import forbids, held_at_once, without_contacts
 from fcsim.timestep.chain import NOBODY
-from fcsim.timestep.encounter import Encounter, Told, encounter
+from fcsim.timestep.encounter import Encounter, LawInput, encounter
 from fcsim.timestep.energy import Acting, Energy, contact_work, momentum
 from fcsim.timestep.links.linked import Linked
 from fcsim.timestep.scheme import Scheme, StepSetup
@@ -99,7 +99,7 @@ def struck(
     forbidden = rows is not None and not start.seen and forbids(rows, model, state)
     if ahead <= 0 and not forbidden:
         return None
-    met = encounter(model, setup.detection, impact, state, Told(setup.proportions, start.variables, linkage=linkage))
+    met = encounter(model, setup.detection, impact, state, LawInput(setup.proportions, start.variables, linkage=linkage))
     bent = None
     if ahead <= 0 or not len(met.contacts) or not met.keeps_apart(scheme.law):
         if not forbidden:

@@ -12,7 +12,7 @@ import numpy as np
 from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.errors import InputError
 from fcsim.problem import GlobalProblem
-from fcsim.timestep.encounter import Encounter, Told, encounter
+from fcsim.timestep.encounter import Encounter, LawInput, encounter
 from fcsim.timestep.reactions.drift import drift_of
 from fcsim.timestep.reactions.reactions import Reactions
 from fcsim.timestep.simulation import Simulation
@@ -78,7 +78,7 @@ class Side:
     def _met(self) -> Encounter:
         """The contacts of the step, which its unknowns do not change."""
         s = self.simulation
-        told = Told(s.substeps.proportions, None, drift=drift_of(s.scheme, s.model, self.before))
+        told = LawInput(s.substeps.proportions, None, drift=drift_of(s.scheme, s.model, self.before))
         return encounter(s.model, s.substeps.detection, s.scheme, self.start, told)
 
     @cached_property

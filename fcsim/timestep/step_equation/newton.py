@@ -35,7 +35,7 @@ from fcsim.problem import GlobalProblem
 from fcsim.problem.reduction import Reduction
 from fcsim.solvers import Result
 from fcsim.timestep.chain import Attempt, Chain, Lead, SolverSettings
-from fcsim.timestep.encounter import Anew, Encounter
+from fcsim.timestep.encounter import Encounter, Redetection
 from fcsim.timestep.reactions.reactions import carried, carried_in_space
 from fcsim.timestep.reactions.warm_start import warm_start
 from fcsim.timestep.step import Linearised
@@ -72,7 +72,7 @@ CLOSER = 0.01  # of the solver's tolerance where a body is stiffened: what it le
 _SHORTEST = 1 / 64
 
 
-def solve_nonlinear(equation: Equation, solver: StepSolver, past: Past, anew: Anew | None) -> tuple[Answer | None, Past]:
+def solve_nonlinear(equation: Equation, solver: StepSolver, past: Past, anew: Redetection | None) -> tuple[Answer | None, Past]:
     """Return the answer, None where it is not found, and the past of the next step; as `solve_equation`, for models with nonlinear bodies.
 
     anew: the contacts at an iterate, None where those of the step stay (dynamics).
@@ -91,7 +91,7 @@ class _Newton:
     two facets its reaction lies between their normals, and which of them has how much of it may change.
     """
 
-    def __init__(self, equation: Equation, solver: StepSolver, anew: Anew | None, *, in_space: bool = False) -> None:
+    def __init__(self, equation: Equation, solver: StepSolver, anew: Redetection | None, *, in_space: bool = False) -> None:
         self.equation, self.solver, self.anew, self.in_space = equation, solver, anew, in_space
         self.inner = InnerTerm(equation.scheme, equation.model, equation.state)
         self.done: list[Linearised] = []  # the problems so far

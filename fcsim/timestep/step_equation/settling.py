@@ -18,7 +18,7 @@ import numpy as np
 from fcsim.arrays import FloatArray
 from fcsim.contact_law.law import Demand, Implicit, Variables
 from fcsim.timestep.chain import Attempt
-from fcsim.timestep.encounter import Anew, Encounter
+from fcsim.timestep.encounter import Encounter, Redetection
 from fcsim.timestep.step_equation.equation import Answer, Equation, Past, StepSolver
 from fcsim.timestep.step_equation.loops.mixing import Mixing
 from fcsim.timestep.step_equation.loops.turning_links import turning_links
@@ -35,7 +35,7 @@ PERIOD, FARTHEST = 3, 30.0
 
 
 def solve_settled(
-    equation: Equation, solver: StepSolver, past: Past, anew: Callable[[Equation], Anew | None]
+    equation: Equation, solver: StepSolver, past: Past, anew: Callable[[Equation], Redetection | None]
 ) -> tuple[Answer | None, Past]:
     """Return the answer with the law settled, None where there is none, and the past of the next step; as `solve_equation` and, for models
     with nonlinear bodies, `solve_nonlinear`, whose `anew` is given for an equation."""

@@ -8,7 +8,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from fcsim.arrays import BoolArray, FloatArray
-from fcsim.timestep.encounter import Anew
+from fcsim.timestep.encounter import Redetection
 from fcsim.timestep.step_equation.contact_tangent.slopes import contact_slopes
 from fcsim.timestep.step_equation.contact_tangent.stiffness import by_formulas, contact_stiffness
 from fcsim.timestep.step_equation.equation import Equation
@@ -28,13 +28,13 @@ type Tangent = tuple[sp.csr_array | None, tuple[sp.csr_array, FloatArray] | None
 """B (n_dofs, n_dofs), None where there is none; E of the pressed contacts with the velocity there, None where gaps close along normals."""
 
 
-def tangent_by_formulas(equation: Equation, anew: Anew, v: FloatArray, r: FloatArray) -> Tangent:
+def tangent_by_formulas(equation: Equation, anew: Redetection, v: FloatArray, r: FloatArray) -> Tangent:
     """B of points on facets with their own normals at the velocities v and reactions r, without E."""
     met, model = equation.met, equation.model
     return contact_stiffness(model, met.contacts, met.reaction(r), model.advance(equation.state.x, v)), None
 
 
-def tangent_by_differences(equation: Equation, anew: Anew, v: FloatArray, r: FloatArray) -> Tangent:
+def tangent_by_differences(equation: Equation, anew: Redetection, v: FloatArray, r: FloatArray) -> Tangent:
     """B and E by differences of the detection; nothing where formulas are exact, and in space where they leave out how slips change."""
     met, model, x = equation.met, equation.model, equation.model.advance(equation.state.x, v)
     reaction = met.reaction(r)

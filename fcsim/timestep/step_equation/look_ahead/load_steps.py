@@ -44,7 +44,7 @@ def came_together(setup: StepSetup, state: State, met: Encounter, after: State) 
 
     A support or a load may carry a body from afar, beyond where contacts are looked for, into another one or through it: without this
     the step would end without a force. Contacts are those met on the way but what was `_slid_over`, else those of the end, brought back;
-    of bodies that touch elsewhere and of one body with itself, too. What nonlinear bodies meet is found at the iterates, see `Anew`.
+    of bodies that touch elsewhere and of one body with itself, too. What nonlinear bodies meet is found at the iterates, see `Redetection`.
     """
     model, detection = setup.model, setup.detection
     if model.nonlinear or not isinstance(innermost(detection), Everything | Detector | ExactContacts):

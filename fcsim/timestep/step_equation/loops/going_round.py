@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from fcsim.arrays import FloatArray
-from fcsim.timestep.encounter import Anew
+from fcsim.timestep.encounter import Redetection
 
 ROUND = 6
 """So many iterations one after the other without half of the least residual before them get nowhere."""
 
 
-def goes_round(residuals: Sequence[float], anew: Anew, v: FloatArray) -> bool:
+def goes_round(residuals: Sequence[float], anew: Redetection, v: FloatArray) -> bool:
     """Whether the iterations with these residuals, the last at v (n_dofs,), get nowhere, and points are in valleys, which all of their
     facets could hold: see `fcsim.contact_detection.concave.valleys`."""
     if len(residuals) <= ROUND or min(residuals[-ROUND:]) < 0.5 * min(residuals[:-ROUND]):

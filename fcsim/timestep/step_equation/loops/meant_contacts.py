@@ -8,7 +8,7 @@ from fcsim.arrays import FloatArray
 from fcsim.contact_detection.contacts import Contacts, join
 from fcsim.contact_detection.sweep import brought_back
 from fcsim.errors import InputError
-from fcsim.timestep.encounter import Anew, Encounter
+from fcsim.timestep.encounter import Encounter, Redetection
 from fcsim.timestep.step_equation.equation import Equation
 from fcsim.timestep.step_equation.look_ahead.lengths import places
 
@@ -33,7 +33,9 @@ def settled(old: Encounter, met: Encounter, v: FloatArray, r: FloatArray) -> boo
     return bool(same and np.all(open_or_known))
 
 
-def passed(equation: Equation, anew: Anew, before: FloatArray, v: FloatArray, extent: float, earlier: Contacts | None) -> Contacts | None:
+def passed(
+    equation: Equation, anew: Redetection, before: FloatArray, v: FloatArray, extent: float, earlier: Contacts | None
+) -> Contacts | None:
     """The contacts that bodies pass from the iterate `before` to the answer v (n_dofs,), as they stand at the iterate, with the `earlier`
     ones of the same iterate; None where there are no more.
 
