@@ -129,7 +129,7 @@ def _print_summary(summary: Summary, directory: Path, here: Path) -> None:
     """Print how the run ended, the seconds by phase and where the results are, as seen from `here`."""
     if current().quiet and not summary.converged:
         say(f"{summary.status}: {summary.message}", to_stderr=True)
-    if answer({"results": directory, **asdict(summary)}):
+    if answer({"results": directory, "status": summary.status, "message": summary.message, "steps": summary.steps, **asdict(summary)}):
         return
     phases = sum(summary.seconds.values())
     rows = [

@@ -40,37 +40,13 @@ __all__ = ["RunOptions", "Summary", "run_case"]
 
 
 @dataclass(frozen=True)
-class Summary:
-    """How a run ended: status "finished", "not converged", "failed" (penetration seen, energy created) or "interrupted"; seconds by phase;
-    steps that needed the fallback chain, that another solver led since it had to answer before (see `Lead`), that were cut;
-    energy_residual the largest of a step [J]; energy_created by contacts in all, see `Ledger` [J]; overlap the largest that was seen;
-    notes: what is to be known of the results."""
+class Totals:
+    """Sums over the steps that a run has computed: seconds by phase; steps that needed the fallback chain, that another solver led since it
+    had to answer before (see `Lead`), that were cut; energy_residual the largest of a step [J]; energy_created by contacts in all, see
+    `Ledger` [J]; overlap the largest that was seen, by the run's earlier parts too."""
 
-    status: str
-    message: str
-    steps: int
-    computed: int
-    seconds: Mapping[str, float]
-    wall_time: float
-    iterations: int
-    largest_error: float
-    fallbacks: int
-    led: int
-    cut: int
-    energy_residual: float
-    energy_created: float
     overlap: SeenOverlap
-    notes: tuple[str, ...] = ()
-
-    @property
-    def converged(self) -> bool:
-        return self.status == "finished"
-
-
-@dataclass
-class _Tally:
-    """Sums over the steps of a run."""
-
+    seconds: Mapping[str, float] = field(default_factory=dict)
     computed: int = 0
     iterations: int = 0
     largest_error: float = 0.0
@@ -79,22 +55,38 @@ class _Tally:
     cut: int = 0
     energy_residual: float = 0.0
     energy_created: float = 0.0
-    overlap: SeenOverlap = field(default_factory=SeenOverlap)
-    seconds: dict[str, float] = field(default_factory=dict)
 
-    def add(self, step: Step, seconds: Mapping[str, float]) -> None:
-        for phase, value in seconds.items():
-            self.seconds[phase] = self.seconds.get(phase, 0.0) + value
-        self.computed += 1
-        self.iterations += step.iterations
-        self.largest_error = max(self.largest_error, step.result.error)
-        self.fallbacks += step.fell_back
-        self.cut += step.substeps > 1
-        self.led += bool(step.attempts) and step.attempts[0].leads
-        self.energy_created = step.ledger.created
-        self.energy_residual = max(self.energy_residual, abs(step.energy.residual))
-        if step.overlap is not None and step.overlap.depth > self.overlap.depth:
-            self.overlap = SeenOverlap(step.overlap.depth, step.overlap.share, step.overlap.between)
+    def after(self, step: Step, seconds: Mapping[str, float]) -> Totals:
+        """With one more step, and the seconds that its phases took."""
+        seen = step.overlap
+        return Totals(
+            overlap=self.overlap if seen is None or seen.depth <= self.overlap.depth else SeenOverlap(seen.depth, seen.share, seen.between),
+            seconds={**self.seconds, **{phase: self.seconds.get(phase, 0.0) + value for phase, value in seconds.items()}},
+            computed=self.computed + 1,
+            iterations=self.iterations + step.iterations,
+            largest_error=max(self.largest_error, step.result.error),
+            fallbacks=self.fallbacks + step.fell_back,
+            led=self.led + (bool(step.attempts) and step.attempts[0].leads),
+            cut=self.cut + (step.substeps > 1),
+            energy_residual=max(self.energy_residual, abs(step.energy.residual)),
+            energy_created=step.ledger.created,
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Summary(Totals):
+    """How a run ended: status "finished", "not converged", "failed" (penetration seen, energy created) or "interrupted"; steps that the
+    run has in all; wall_time [s]; notes: what is to be known of the results."""
+
+    status: str
+    message: str
+    steps: int
+    wall_time: float
+    notes: tuple[str, ...] = ()
+
+    @property
+    def converged(self) -> bool:
+        return self.status == "finished"
 
 
 @limited_threads()  # also for what is written, beside the steps and between them
@@ -242,7 +234,7 @@ def _run(
 ) -> Summary:
     """Take the steps one after the other, and leave the folder whole however that ends."""
     status, message, simulation = "finished", "", asked.case.simulation
-    tally, begin = _Tally(overlap=description.overlap), time.perf_counter()
+    totals, begin = Totals(description.overlap), time.perf_counter()
     start = moments[0].number if moments else 0
     if start >= simulation.steps:
         message = _none_computed(start)
@@ -251,7 +243,7 @@ def _run(
         return outputs.last.number if outputs.last is not None else start
 
     def describe_end() -> None:
-        write_end(asked.directory, replace(description, status=status, message=message, steps_done=reached(), overlap=tally.overlap))
+        write_end(asked.directory, replace(description, status=status, message=message, steps_done=reached(), overlap=totals.overlap))
 
     try:
         for step in simulation.run(*moments) if moments else simulation:
@@ -259,7 +251,7 @@ def _run(
                 _made_together(step, asked.options)
             with alone():
                 seconds = outputs.take(step)
-            tally.add(step, seconds)
+            totals = totals.after(step, seconds)
             description = replace(description, notes=tuple(dict.fromkeys((*description.notes, *step.remarks))))
             if watch is not None:
                 watch(asked.case, step)
@@ -288,5 +280,5 @@ def _run(
         steps=reached(),
         wall_time=time.perf_counter() - begin,
         notes=description.notes,
-        **vars(tally),
+        **vars(totals),
     )
