@@ -137,6 +137,16 @@ def checked_limits(tol: float, floor: float, time_limit: float) -> None:
         raise InputError(f"time_limit: expected a number of seconds, got {time_limit}")
 
 
+@dataclass(frozen=True)
+class Criterion:
+    """When a problem counts as solved: tol, on which of ERRORS (`error`), with the floor [unit of q] of ||q||; time_limit [s]."""
+
+    tol: float
+    error: str = "scaled"
+    floor: float = 0.0
+    time_limit: float = math.inf
+
+
 def choice(name: str, value: str, known: Collection[str]) -> None:
     """Refuse an option value that is not among the known ones."""
     if not isinstance(value, str) or value not in known:

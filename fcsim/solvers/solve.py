@@ -16,7 +16,7 @@ from fcsim.problem.judge import blurred, indefinite, outweighed, relative
 from fcsim.problem.reduction import Reduction, reduced
 from fcsim.problem.rolling import GlobalRollingProblem
 from fcsim.runtime import limited_threads
-from fcsim.solvers.base import ERRORS, Iterate, Method, Monitor, Options, Result, Run, Status, checked_limits, choice, override
+from fcsim.solvers.base import ERRORS, Criterion, Iterate, Method, Monitor, Options, Result, Run, Status, checked_limits, choice, override
 from fcsim.solvers.memory import Memory
 from fcsim.solvers.plugins import kept_apart
 from fcsim.solvers.run_method import run_method
@@ -63,8 +63,8 @@ def solve(
         if isinstance(answered, Result):
             return answered
         left = answered
-    given = (chosen, problem, solver, r)
-    return solve_by(*given, tol=tol, error=error, floor=floor, time_limit=time_limit, memory=memory, overrides=overrides, left=left)
+    criterion = Criterion(tol, error, floor, time_limit)
+    return solve_by(chosen, problem, solver, r, criterion, memory=memory, overrides=overrides, left=left)
 
 
 @limited_threads()
@@ -72,12 +72,9 @@ def solve_by(
     chosen: Method,
     problem: GlobalProblem | LocalProblem | Reduction | Followed | GlobalRollingProblem,
     solver: str,
-    r: FloatArray | None = None,
+    r: FloatArray | None,
+    criterion: Criterion,
     *,
-    tol: float,
-    error: str = "scaled",
-    floor: float = 0.0,
-    time_limit: float = float("inf"),
     memory: Memory | None = None,
     overrides: Mapping[str, object] | None = None,
     left: Left | None = None,
@@ -85,6 +82,7 @@ def solve_by(
     """`solve` by a method that need not be in the table, under the name `solver`; its arguments are not checked again. left: what the small
     front door has found already."""
     if isinstance(problem, GlobalRollingProblem):
+        tol, error, floor, time_limit = criterion.tol, criterion.error, criterion.floor, criterion.time_limit
         return solve_rolling(problem, solver, r, tol=tol, error=error, floor=floor, time_limit=time_limit, **(overrides or {}))
     options = override(chosen.options, overrides or {})
     start = time.perf_counter()
@@ -93,22 +91,22 @@ def solve_by(
     r = _starting_point(r, given, memory)
     answers = _Answers(given)
     monitor = Monitor(
-        *(given.q, kept_apart(given.mu, run, solver), given.dimension, tol),
-        compliance=kept_apart(given.compliance, run, solver) if error == "scaled" else None,
-        floor=floor,
-        time_limit=time_limit,
+        *(given.q, kept_apart(given.mu, run, solver), given.dimension, criterion.tol),
+        compliance=kept_apart(given.compliance, run, solver) if criterion.error == "scaled" else None,
+        floor=criterion.floor,
+        time_limit=criterion.time_limit,
         start=start,
         velocity=answers.velocity,
         memory=memory,
     )
     prepared = time.perf_counter()
     with np.errstate(over="ignore", invalid="ignore"):  # a diverging method meets infinity: its status says so
-        plain = memory is None and not overrides and time_limit >= LEAST_LIMIT
+        plain = memory is None and not overrides and criterion.time_limit >= LEAST_LIMIT
         if left is not None:
             left.noted(monitor, answers.velocity(left.r))
-        iterate = _by_the_door(chosen, given, r, monitor, answers, error) if plain else None
+        iterate = _by_the_door(chosen, given, r, monitor, answers, criterion.error) if plain else None
         iterate = iterate or run_method(run, kept_apart(form, run, solver), given.q, r, monitor, options)
-        return _judged(iterate, given, answers.of(iterate.r), monitor, error, solver, (start, prepared))
+        return _judged(iterate, given, answers.of(iterate.r), monitor, criterion.error, solver, (start, prepared))
 
 
 def _by_the_door(chosen: Method, given: Reduced, r: FloatArray, monitor: Monitor, answers: _Answers, error: str) -> Iterate | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 
 import numpy as np
 
@@ -17,7 +18,7 @@ from fcsim.problem.rolling import (
     natural_residual,
     reduce_rolling,
 )
-from fcsim.solvers.base import ERRORS, Monitor, Result, Status, checked_limits, choice, override
+from fcsim.solvers.base import ERRORS, Criterion, Monitor, Result, Status, checked_limits, choice, override
 from fcsim.solvers.plugins import kept_apart
 from fcsim.solvers.run_method import run_method
 from fcsim.solvers.table import SOLVERS, method
@@ -29,34 +30,21 @@ class RollingMonitor(Monitor):
     published: the natural map in the units of the file, as programs print it; else in r', z = s r' with the contacts' compliances s.
     """
 
-    def __init__(
-        self,
-        reduction: RollingReduction,
-        tol: float,
-        published: bool,
-        floor: float,
-        time_limit: float,
-        start: float,
-        q: FloatArray | None = None,
-    ) -> None:
-        """q (m,): other velocities than the reduction's, in its scaled variables."""
+    def __init__(self, reduction: RollingReduction, criterion: Criterion, start: float, q: FloatArray | None = None) -> None:
+        """q (m,): other velocities than the reduction's, in its scaled variables; start: when the solve began, by `time.perf_counter`."""
         local = reduction.local
-        self._reduction, self._published = reduction, published
-        compliance = None if published else local.delassus.compliance
+        self._reduction, self._criterion, self._published = reduction, criterion, criterion.error == "published"
         free = local.q if q is None else q
         super().__init__(
-            free / reduction.scale if published else free,
-            local.mu,
-            local.dimension,
-            tol,
-            compliance=compliance,
-            floor=floor,
-            time_limit=time_limit,
+            *(free / reduction.scale if self._published else free, local.mu, local.dimension, criterion.tol),
+            compliance=None if self._published else local.delassus.compliance,
+            floor=criterion.floor,
+            time_limit=criterion.time_limit,
             start=start,
         )
 
     def inner(self, q: FloatArray, tol: float, floor: float = 0.0) -> Monitor:
-        return RollingMonitor(self._reduction, tol, self._published, floor, self.time_limit, self.start, q)
+        return RollingMonitor(self._reduction, replace(self._criterion, tol=tol, floor=floor), self.start, q)
 
     def error(self, r: FloatArray, u: FloatArray) -> float:
         given, scale = self._reduction, self._reduction.scale
@@ -99,7 +87,7 @@ def solve_rolling(
     start = time.perf_counter()
     given = problem if isinstance(problem, RollingReduction) else reduce_rolling(problem)
     local, scale = given.local, given.scale
-    monitors = {name: RollingMonitor(given, tol, name == "published", floor=floor, time_limit=time_limit, start=start) for name in ERRORS}
+    monitors = {name: RollingMonitor(given, Criterion(tol, name, floor, time_limit), start) for name in ERRORS}
     monitor = monitors[error]
     reduction = time.perf_counter()
     with np.errstate(over="ignore", invalid="ignore"):  # a diverging method meets infinity: its status says so
@@ -131,10 +119,7 @@ def rolling_errors(problem: GlobalRollingProblem, r: FloatArray) -> tuple[float,
     """The scaled and the published error of reactions r (m,), as `solve_rolling` states them; `SingularMatrix` where M is singular."""
     given = reduce_rolling(problem)
     u = given.scale * given.answer(r).u
-    scaled, published = (
-        RollingMonitor(given, 1e-8, name == "published", floor=0.0, time_limit=float("inf"), start=0.0).error(r / given.scale, u)
-        for name in ERRORS
-    )
+    scaled, published = (RollingMonitor(given, Criterion(1e-8, name), start=0.0).error(r / given.scale, u) for name in ERRORS)
     return scaled, published
 
 

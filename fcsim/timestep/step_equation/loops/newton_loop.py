@@ -15,6 +15,7 @@ from __future__ import annotations
 from fcsim.arrays import FloatArray
 from fcsim.problem.reduction import Reduction
 from fcsim.solvers import Result
+from fcsim.solvers.base import Criterion
 from fcsim.solvers.newton.one_iteration import one_iteration
 from fcsim.solvers.solve import solve_by
 from fcsim.timestep.chain import Attempt, SolverSettings
@@ -39,7 +40,7 @@ def looped(settings: SolverSettings, equation: Equation, done: int, allowed: flo
 def contacts_once(reduction: Reduction, equation: Equation, v: FloatArray, r: FloatArray, settings: SolverSettings, tol: float) -> Result:
     """One iteration of the contacts from the iterate v (n_dofs,), r (m,), with the bodies as they are linearised there."""
     u = equation.met.scaled_H.T @ v + equation.met.w
-    return solve_by(one_iteration(u), reduction, "one loop", r, tol=tol, floor=settings.least_motion)
+    return solve_by(one_iteration(u), reduction, "one loop", r, Criterion(tol, floor=settings.least_motion))
 
 
 def looped_attempt(result: Result, done: int, share: float, tol: float) -> Attempt:
