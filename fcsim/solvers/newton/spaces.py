@@ -17,7 +17,7 @@ from fcsim.solvers.newton.systems.condensed import CondensedSystem
 from fcsim.solvers.newton.systems.interface import NewtonSystem
 from fcsim.solvers.newton.systems.over_ranks import SystemOverRanks
 from fcsim.solvers.newton.systems.two_level.alone import SystemByBodies
-from fcsim.solvers.newton.systems.two_level.settling import NEAR, NEARLY, SMALL, STILL_WORTH, WORTH, SettlesJoints
+from fcsim.solvers.newton.systems.two_level.settling import NEAR, NEARLY, SMALL, STILL_WORTH, WORTH, ContactIterate, SettlesJoints
 
 
 class NewtonSpace(Protocol):
@@ -100,8 +100,8 @@ class LocalSpace:
         settled = None
         for _ in range(system.rounds.most):
             limit = max(SMALL * monitor.tol, system.rounds.part * error) * monitor.scale
-            u, r = self.u.reshape(rho.shape), self._r.reshape(rho.shape)
-            found = system.settled(u, r, mu, rho, monitor.compliance, limit)
+            at = ContactIterate(self.u.reshape(rho.shape), self._r.reshape(rho.shape), mu, rho, monitor.compliance)
+            found = system.settled(at, limit)
             if found is None:
                 break
             self._dr, self._Wdr = found

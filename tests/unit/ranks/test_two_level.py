@@ -150,15 +150,15 @@ def test_patches_are_those_of_one_process_and_solved_by_the_ranks(on_ranks: OnRa
     """Around all joints above the limit that have none in common, around one, and none: by W's entries; the same bits on all ranks."""
     W, joints = alone()
     nc = len(joints.order)
-    given_here, limits = unsolved(W.diagonal().reshape(nc, 3))
-    u, r, mu, rho, weight = given_here
+    given, limits = unsolved(W.diagonal().reshape(nc, 3))
+    u, r, mu, rho, weight = given.u, given.r, given.mu, given.rho, given.weight
     answers = on_ranks("two_level", ranks)
     for answer in answers:
         assert answer["settled"] == answers[0]["settled"]
         assert answer["knows"] == [True, False] and answer["nowhere"] == [True, True]
     every, one, none = answers[0]["settled"]
     assert none is None
-    of_one_process = patches.missed_by_joints(joints, *given_here)
+    of_one_process = patches.missed_by_joints(joints, given)
     counts = []
     for (dr, image), limit in ((every, limits[0]), (one, limits[1])):
         assert np.linalg.norm(image - W @ dr) <= 1e-13 * np.linalg.norm(np.abs(W) @ np.abs(dr))

@@ -23,6 +23,7 @@ from fcsim.solvers.newton.systems.two_level.over_ranks import patches
 from fcsim.solvers.newton.systems.two_level.over_ranks.joints import OwnJoints
 from fcsim.solvers.newton.systems.two_level.over_ranks.preconditioner import PreconditionerOverRanks
 from fcsim.solvers.newton.systems.two_level.over_ranks.system import TwoLevelOverRanks
+from fcsim.solvers.newton.systems.two_level.settling import ContactIterate
 from tests.unit.ranks.walls import simulation
 from tests.unit.solvers.newton.systems.test_two_level import linearisation
 
@@ -34,15 +35,15 @@ WORST = 7
 """A contact whose joint is farther from solved than all others."""
 
 
-def unsolved(diagonal: FloatArray) -> tuple[tuple[FloatArray, ...], list[float]]:
-    """u, r, mu, rho and weight of contacts, half of which are beyond friction; limits above which many joints, one, and none are."""
+def unsolved(diagonal: FloatArray) -> tuple[ContactIterate, list[float]]:
+    """Contacts, half of which are beyond friction; limits above which many joints, one, and none are."""
     nc, rng = len(diagonal), np.random.default_rng(3)
     r = np.zeros((nc, 3))
     r[:, 0] = rng.uniform(1.0, 2.0, nc)
     r[: nc // 2, 1:] = 0.6 * rng.standard_normal((nc // 2, 2))
     r[WORST, 1:] = 10.0, 5.0
-    given = np.zeros((nc, 3)), r, np.full(nc, 0.5), 1 / diagonal, diagonal.mean(1)
-    missed = given[4][:, None] * alart_curnier(*given[:4])[0]
+    given = ContactIterate(np.zeros((nc, 3)), r, np.full(nc, 0.5), 1 / diagonal, diagonal.mean(1))
+    missed = given.weight[:, None] * alart_curnier(given.u, given.r, given.mu, given.rho)[0]
     total = float(np.linalg.norm(missed))
     return given, [1e-6 * total, 0.9 * float(np.linalg.norm(missed[WORST])), 2 * total]
 
@@ -59,13 +60,13 @@ def in_patches(W: DistributedDelassus, A: FloatArray, B: FloatArray, rhs: FloatA
     system = SystemOverRanks(Delassus(W, 3), lambda whole: pytest.fail("the ranks' system is enough"))
     space = LocalSpace(system, np.zeros(rhs.size), np.zeros(rhs.size))
     given, limits = unsolved(W.diagonal().reshape(rhs.shape))
-    before = system.settled(*given, limits[0]) is None
+    before = system.settled(given, limits[0]) is None
     system.solve(A, B, rhs)
     with mock.patch.multiple(patches, SHARE=1.0, MORE=1.0):  # all above the limit that have no joint in common, and no others
-        found, knows = [system.settled(*given, limit) for limit in limits], space.knows_joints
+        found, knows = [system.settled(given, limit) for limit in limits], space.knows_joints
     assert system._two_level is not None
     system._two_level.pays = False
-    after = system.settled(*given, limits[0]) is None
+    after = system.settled(given, limits[0]) is None
     return {
         "settled": [None if own is None else [part.tolist() for part in own] for own in found],
         "knows": [knows, space.knows_joints],

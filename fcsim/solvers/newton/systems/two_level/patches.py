@@ -28,9 +28,9 @@ import numpy as np
 import scipy.sparse as sp
 
 from fcsim.arrays import FloatArray, IntArray, Matrix
-from fcsim.solvers.newton._formulation_kernels import disk_misses
 from fcsim.solvers.newton.systems.held import dense_part
 from fcsim.solvers.newton.systems.two_level import _settling_kernels as kernels
+from fcsim.solvers.newton.systems.two_level.settling import ContactIterate
 from fcsim.threads import pieces, side_by_side
 
 ROUNDS, PART = 10, 0.1
@@ -86,31 +86,25 @@ def chosen(joints: JointsOfPatches, missed: FloatArray, limit: float, share: flo
     return [np.concatenate(contacts[i:j]) for i, j in itertools.pairwise(starts)]
 
 
-def missed_by_joints(
-    joints: JointsOfPatches, u: FloatArray, r: FloatArray, mu: FloatArray, rho: FloatArray, weight: FloatArray
-) -> FloatArray:
+def missed_by_joints(joints: JointsOfPatches, at: ContactIterate) -> FloatArray:
     """||weight F|| (joints,) on the contacts of each joint."""
-    missed: FloatArray = np.sqrt(np.add.reduceat(disk_misses(u, r, mu, rho, weight)[joints.order], joints.cuts[:-1]))
+    missed: FloatArray = np.sqrt(np.add.reduceat(at.misses[joints.order], joints.cuts[:-1]))
     return missed
 
 
-def solved(W: FloatArray, u: FloatArray, r: FloatArray, mu: FloatArray, rho: FloatArray, weight: FloatArray) -> FloatArray:
-    """r (n, d) of a patch with W (n d, n d) and u where the system has led."""
-    found: FloatArray = kernels.settle_patch(W, u, r, mu, rho, weight, ITERATIONS, FALLS, LEAPS, EDGE, EASED)
+def solved(W: FloatArray, at: ContactIterate) -> FloatArray:
+    """r (n, d) of a patch with W (n d, n d) where the system has led."""
+    found: FloatArray = kernels.settle_patch(W, at.u, at.r, at.mu, at.rho, at.weight, ITERATIONS, FALLS, LEAPS, EDGE, EASED)
     return found
 
 
-def patched(
-    joints: JointsOfPatches, W: Matrix, u: FloatArray, r: FloatArray, mu: FloatArray, rho: FloatArray, weight: FloatArray, limit: float
-) -> FloatArray | None:
-    """r (nc, d) with a round of patches solved around joints in which ||weight F|| is above `limit`, None where there are none; u, r, rho
-    (nc, d), mu and weight (nc,)."""
-    patches, found = chosen(joints, missed_by_joints(joints, u, r, mu, rho, weight), limit), r.copy()
+def patched(joints: JointsOfPatches, W: Matrix, at: ContactIterate, limit: float) -> FloatArray | None:
+    """r (nc, d) with a round of patches solved around joints in which ||weight F|| is above `limit`, None where there are none."""
+    patches, found = chosen(joints, missed_by_joints(joints, at), limit), at.r.copy()
 
     def solve(begin: int, end: int) -> None:
         for own in patches[begin:end]:
-            W_own = dense_part(W, r.shape[1], own, own)
-            found[own] = solved(W_own, u[own], r[own], mu[own], rho[own], weight[own])
+            found[own] = solved(dense_part(W, at.r.shape[1], own, own), at.take(own))
 
     if not patches:
         return None

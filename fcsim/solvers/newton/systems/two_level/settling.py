@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol
 
-from fcsim.arrays import FloatArray
+from fcsim.arrays import FloatArray, IntArray
+from fcsim.solvers.newton._formulation_kernels import disk_misses
 
 SMALL = 0.1
 """Share of the tolerance up to which a joint is left as it is."""
@@ -27,15 +28,35 @@ class Rounds:
     worth: float = WORTH
 
 
+@dataclass(frozen=True, eq=False)
+class ContactIterate:
+    """Contacts at an iterate, as patches take them: u, r (nc, d); mu (nc,); rho (nc, d) of Alart and Curnier's equations F(u, r) = 0;
+    weight (nc,) by which F counts in the error."""
+
+    u: FloatArray
+    r: FloatArray
+    mu: FloatArray
+    rho: FloatArray
+    weight: FloatArray
+
+    def take(self, own: IntArray) -> ContactIterate:
+        """Those of some contacts (k,)."""
+        return ContactIterate(self.u[own], self.r[own], self.mu[own], self.rho[own], self.weight[own])
+
+    @property
+    def misses(self) -> FloatArray:
+        """(weight ||F||)^2 (nc,)."""
+        misses: FloatArray = disk_misses(self.u, self.r, self.mu, self.rho, self.weight)
+        return misses
+
+
 class TwoLevel(Protocol):
     """A system by joints' blocks and bodies' motions, in one process or over ranks."""
 
     pays: bool
     rounds: Rounds
 
-    def settled(
-        self, u: FloatArray, r: FloatArray, mu: FloatArray, rho: FloatArray, weight: FloatArray, limit: float
-    ) -> tuple[FloatArray, FloatArray] | None: ...
+    def settled(self, at: ContactIterate, limit: float) -> tuple[FloatArray, FloatArray] | None: ...
 
 
 class SettlesJoints[T: TwoLevel]:
@@ -53,9 +74,7 @@ class SettlesJoints[T: TwoLevel]:
         """Those of the two-level system."""
         return Rounds() if self._two_level is None else self._two_level.rounds
 
-    def settled(
-        self, u: FloatArray, r: FloatArray, mu: FloatArray, rho: FloatArray, weight: FloatArray, limit: float
-    ) -> tuple[FloatArray, FloatArray] | None:
-        """dr and W dr (m,) by which patches are solved in which ||weight F|| of the middle joint is above `limit`; u, r, rho (nc, d), mu
-        and weight (nc,). None where another way is gone or there are none."""
-        return None if self._two_level is None else self._two_level.settled(u, r, mu, rho, weight, limit)
+    def settled(self, at: ContactIterate, limit: float) -> tuple[FloatArray, FloatArray] | None:
+        """dr and W dr (m,) by which patches are solved in which ||weight F|| of the middle joint is above `limit`; None where another way
+        is gone or there are none."""
+        return None if self._two_level is None else self._two_level.settled(at, limit)

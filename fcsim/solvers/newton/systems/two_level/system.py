@@ -54,7 +54,7 @@ from fcsim.solvers.newton.systems.two_level import _block_kernels as block_kerne
 from fcsim.solvers.newton.systems.two_level import _joint_kernels as kernels
 from fcsim.solvers.newton.systems.two_level.joints import JOINT_UP_TO, MOTIONS, Joints, numbers_of_pairs
 from fcsim.solvers.newton.systems.two_level.patches import PART, ROUNDS, patched
-from fcsim.solvers.newton.systems.two_level.settling import Rounds
+from fcsim.solvers.newton.systems.two_level.settling import ContactIterate, Rounds
 from fcsim.solvers.newton.systems.two_level.taken_over import Numbers, TakenOver
 from fcsim.threads import pieces, pieces_by_work, side_by_side
 
@@ -264,16 +264,14 @@ class TwoLevelSystem:
         self.pays = found is not None
         return found
 
-    def settled(
-        self, u: FloatArray, r: FloatArray, mu: FloatArray, rho: FloatArray, weight: FloatArray, limit: float
-    ) -> tuple[FloatArray, FloatArray] | None:
+    def settled(self, at: ContactIterate, limit: float) -> tuple[FloatArray, FloatArray] | None:
         """dr and W dr (m,) by which a round of patches is solved, see `patches`; None where none are, or this system does not pay."""
         if self._precondition is None or not self.pays:
             return None
-        found = patched(self._precondition.joints, self._rows.W, u, r, mu, rho, weight, limit)
+        found = patched(self._precondition.joints, self._rows.W, at, limit)
         if found is None:
             return None
-        dr = (found - r).ravel()
+        dr = (found - at.r).ravel()
         return dr, self._by_bodies.of_few(dr)
 
     def _by(

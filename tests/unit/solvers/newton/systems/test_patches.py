@@ -13,6 +13,7 @@ from fcsim.solvers.newton.formulations import alart_curnier
 from fcsim.solvers.newton.systems.two_level import _held_kernels as held_kernels
 from fcsim.solvers.newton.systems.two_level import _settling_kernels as kernels
 from fcsim.solvers.newton.systems.two_level import patches
+from fcsim.solvers.newton.systems.two_level.settling import ContactIterate
 from tests.unit.solvers.newton.systems.test_settling import in_numpy, joints_of_a_wall
 
 
@@ -55,8 +56,8 @@ def test_the_equations_of_a_patch_hold_with_the_velocities_that_W_gives(monkeypa
     middle = joints.order[joints.cuts[2] : joints.cuts[3]]
     r[middle, 1:] += 0.6 * rng.standard_normal((len(middle), 2))  # beyond friction, which nothing but u = 0 holds
     before = np.linalg.norm(weight[middle, None] * alart_curnier(u[middle], r[middle], mu[middle], rho[middle])[0])
-    assert patches.patched(joints, W, u, r, mu, rho, weight, 1.01 * before) is None
-    found = patches.patched(joints, W, u, r, mu, rho, weight, 0.99 * before)
+    assert patches.patched(joints, W, ContactIterate(u, r, mu, rho, weight), 1.01 * before) is None
+    found = patches.patched(joints, W, ContactIterate(u, r, mu, rho, weight), 0.99 * before)
     assert found is not None
     begins, beside = joints.beside
     own = np.concatenate([joints.order[joints.cuts[k] : joints.cuts[k + 1]] for k in (2, *beside[begins[2] : begins[3]])])
@@ -68,7 +69,7 @@ def test_the_equations_of_a_patch_hold_with_the_velocities_that_W_gives(monkeypa
     assert after <= patches.FALLS * before
     dofs = (3 * own[:, None] + np.arange(3)).ravel()
     monkeypatch.setattr(patches, "EASED", 0.0)
-    found = patches.patched(joints, W, u, r, mu, rho, weight, 0.99 * before)
+    found = patches.patched(joints, W, ContactIterate(u, r, mu, rho, weight), 0.99 * before)
     assert found is not None
     twin = in_numpy(W[np.ix_(dofs, dofs)], u[own], r[own], mu[own], rho[own], weight[own])
     assert_allclose(found[own], twin, atol=1e-6 * np.abs(twin).max())

@@ -16,7 +16,7 @@ from fcsim.solvers.newton.systems import choice, condensed
 from fcsim.solvers.newton.systems.two_level import _settling_kernels as kernels
 from fcsim.solvers.newton.systems.two_level.joints import Joints
 from fcsim.solvers.newton.systems.two_level.patches import EASED, EDGE, FALLS, ITERATIONS, LEAPS
-from fcsim.solvers.newton.systems.two_level.settling import Rounds, SettlesJoints
+from fcsim.solvers.newton.systems.two_level.settling import ContactIterate, Rounds, SettlesJoints
 from tests.unit.solvers.newton.systems.test_two_level import shares_and_rows, step_of, walls
 
 
@@ -92,8 +92,8 @@ class Leads:
     def __init__(self, times: float, most: int) -> None:
         self.times, self.rounds = times, Rounds(most, 0.1)
 
-    def settled(self, u: FloatArray, r: FloatArray, *_: object) -> tuple[FloatArray, FloatArray]:
-        dr = self.times * (np.array([1.0, 0, 0]) - r.ravel())
+    def settled(self, at: ContactIterate, limit: float) -> tuple[FloatArray, FloatArray]:
+        dr = self.times * (np.array([1.0, 0, 0]) - at.r.ravel())
         return dr, dr
 
 

@@ -19,6 +19,7 @@ from fcsim.problem.distributed import DistributedDelassus
 from fcsim.solvers.newton.systems.two_level.joints import numbers_of_pairs
 from fcsim.solvers.newton.systems.two_level.over_ranks._patch_kernels import add_lower, add_part, lower, solvers_of_patches
 from fcsim.solvers.newton.systems.two_level.patches import PATCH_UP_TO, SHARE, chosen, joints_beside, missed_by_joints, solved
+from fcsim.solvers.newton.systems.two_level.settling import ContactIterate
 from fcsim.threads import pieces, side_by_side
 
 MORE = 0.1
@@ -44,25 +45,16 @@ class JointsOfAll:
         return joints_beside(self.bodies[self.cuts[:-1]], self.count)
 
 
-def patched_over_ranks(
-    joints: JointsOfAll,
-    W: DistributedDelassus,
-    u: FloatArray,
-    r: FloatArray,
-    mu: FloatArray,
-    rho: FloatArray,
-    weight: FloatArray,
-    limit: float,
-) -> tuple[FloatArray, bool] | None:
-    """What r (nc, d) moves by in a round of patches, as `patched`, on all ranks, which have all arguments, and whether what
+def patched_over_ranks(joints: JointsOfAll, W: DistributedDelassus, at: ContactIterate, limit: float) -> tuple[FloatArray, bool] | None:
+    """What r (nc, d) moves by in a round of patches, as `patched`, on all ranks, which have all arguments whole, and whether what
     is missed is at few joints, see `chosen_for_ranks`; None where there are none."""
-    layout, d = W.layout, r.shape[1]
+    layout, d = W.layout, at.r.shape[1]
     world = layout.world
-    patches, few = chosen_for_ranks(joints, missed_by_joints(joints, u, r, mu, rho, weight), limit, world.size)
+    patches, few = chosen_for_ranks(joints, missed_by_joints(joints, at), limit, world.size)
     if not patches:
         return None
     places = [[np.flatnonzero(known) for known in layout.known[:, own]] for own in patches]
-    counts = np.array([[len(at) for at in of_ranks] for of_ranks in places])
+    counts = np.array([[len(place) for place in of_ranks] for of_ranks in places])
     solver = solvers_of_patches(np.array([len(own) for own in patches]), counts)
     mine = np.flatnonzero(solver == world.number)
     sizes = d * counts * (d * counts + 1) // 2 * (solver[:, None] != np.arange(world.size))  # that are sent (patches, ranks): symmetric
@@ -89,15 +81,15 @@ def patched_over_ranks(
         def solve(begin: int, end: int) -> None:
             for i in range(begin, end):
                 p, own = mine[i], patches[mine[i]]
-                shares = [received[at : at + size] for at, size in zip(begins[i], sizes[p], strict=True)]
+                shares = [received[first : first + size] for first, size in zip(begins[i], sizes[p], strict=True)]
                 here = places[p][world.number]
                 W_own = _summed(parts[i] if i < early else part(p), here, shares, places[p], len(own), d)
-                answers[i] = solved(W_own, u[own], r[own], mu[own], rho[own], weight[own]) - r[own]
+                answers[i] = solved(W_own, at.take(own)) - at.r[own]
 
         side_by_side([partial(solve, begin, end) for begin, end in pieces(len(mine), 1)])
         in_order = np.argsort(solver, kind="stable")
         counts = np.bincount(solver, [d * len(own) for own in patches], minlength=world.size).astype(np.int64)
-        step = np.zeros_like(r)
+        step = np.zeros_like(at.r)
         step[np.concatenate([patches[p] for p in in_order])] = world.gathered(_joined(answers), counts).reshape(-1, d)
     return step, few
 

@@ -16,7 +16,7 @@ from fcsim.solvers.newton.systems.two_level.over_ranks.joints import OwnJoints
 from fcsim.solvers.newton.systems.two_level.over_ranks.patches import patched_over_ranks
 from fcsim.solvers.newton.systems.two_level.over_ranks.preconditioner import PreconditionerOverRanks
 from fcsim.solvers.newton.systems.two_level.patches import PART, ROUNDS
-from fcsim.solvers.newton.systems.two_level.settling import WORTH, Rounds
+from fcsim.solvers.newton.systems.two_level.settling import WORTH, ContactIterate, Rounds
 from fcsim.solvers.newton.systems.two_level.system import CHANGED, ENOUGH, FIRST_CHANGED, ITERATIONS, Demand, largest_joint
 
 FULL_WORTH = 0.5
@@ -73,13 +73,11 @@ class TwoLevelOverRanks:
         self.pays = found is not None
         return found
 
-    def settled(
-        self, u: FloatArray, r: FloatArray, mu: FloatArray, rho: FloatArray, weight: FloatArray, limit: float
-    ) -> tuple[FloatArray, FloatArray] | None:
+    def settled(self, at: ContactIterate, limit: float) -> tuple[FloatArray, FloatArray] | None:
         """dr and W dr (m,) as `TwoLevelSystem.settled`, all (nc, ...) whole on every rank."""
         if self._precondition is None or self._precondition.given_away or not self.pays:
             return None
-        found = patched_over_ranks(self._precondition.joints.of_all, self._W, u, r, mu, rho, weight, limit)
+        found = patched_over_ranks(self._precondition.joints.of_all, self._W, at, limit)
         if found is None:
             return None
         step, few = found
