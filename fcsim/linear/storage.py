@@ -56,9 +56,11 @@ DENSE_UP_TO = 12_000
 """Unknowns up to which a dense factor is affordable (1.1 GB)."""
 BLOCK_UP_TO = 1000
 """Unknowns of a body up to which its own matrix is factored dense, however sparse: many right-hand sides are solved for with it."""
-SPARSE_FROM, SUM_FILLED, SUM_UP_TO = 1000, 0.4, 3000
-"""While W is summed up over bodies: unknowns up to which it is dense (8 MB); from there on it is by block rows where less than this share
-of the blocks is there, since joints may still be found in it, and always above so many unknowns (72 MB)."""
+SPARSE_FROM, SPARSE_FROM_RIGID, SUM_FILLED, SUM_UP_TO = 1000, 384, 0.4, 3000
+"""While W is summed up over bodies: unknowns up to which it is dense (8 MB), and those of rigid bodies alone; from there on it is by block
+rows where less than this share of the blocks is there, since joints may still be found in it, and always above so many unknowns (72 MB).
+W of rigid bodies is mostly multiplied and swept, hardly ever eliminated: dense and then stored by block rows towers of 300 contacts took
+1.4 times as long. The compiled front door, up to 384 unknowns, reads a dense one."""
 
 
 def eliminated_dense(size: int, entries: int, steps: int = STEPS) -> bool:
@@ -74,6 +76,11 @@ def fills_in(size: int, entries: int) -> bool:
     return size <= DENSE_UP_TO and entries >= FILLED * size**2
 
 
-def summed_dense(size: int, entries: int) -> bool:
-    """Whether W of so many entries is stored dense while it is summed up over bodies; `entries` is not looked at up to SPARSE_FROM."""
-    return size <= SPARSE_FROM or (size <= SUM_UP_TO and entries >= SUM_FILLED * size**2)
+def sparse_from(*, rigid: bool) -> int:
+    """Unknowns up to which W is dense while it is summed up over bodies, all of them `rigid` or not."""
+    return min(SPARSE_FROM, SPARSE_FROM_RIGID) if rigid else SPARSE_FROM
+
+
+def summed_dense(size: int, entries: int, *, rigid: bool = False) -> bool:
+    """Whether W of so many entries is stored dense while it is summed up over bodies; `entries` is not looked at up to `sparse_from`."""
+    return size <= sparse_from(rigid=rigid) or (size <= SUM_UP_TO and entries >= SUM_FILLED * size**2)

@@ -113,22 +113,25 @@ class DelassusSum:
         blocks: int | None = None,
         some: IntArray | None = None,
         kept_as: object = None,
+        *,
+        rigid: bool = False,
     ) -> None:
         """H (n, m) sparse; body (n,): the body of each unknown, of `count`, -1 for one without a share in W; column (n,): which
         unknown of its body's compliance it is. Both are read only where H has entries. blocks: of W, where their number is known: which
         they are is then found when it is asked for. some (k,): W of these contacts alone, None: of all. kept_as: whoever gives the
-        same as for the sum before says that H has its entries where that one had them, and all else but their values is the same."""
+        same as for the sum before says that H has its entries where that one had them, and all else but their values is the same. rigid: no
+        body has more than a rigid one's unknowns, so that W is sparse from fewer on."""
         H = H.tocsc()
         some = np.arange(H.shape[1] // dimension) if some is None else some
         self.nc, self._axes = len(some), tuple(range(dimension))
         self._m = self.nc * dimension
         self.bodies: Entries = _entries.of(H, body, column, count, dimension, some, kept_as)
-        self._blocks = blocks
+        self._blocks, self._rigid = blocks, rigid
 
     @cached_property
     def _neighbours(self) -> tuple[IntArray, IntArray]:
         """Starts (nc + 1,) and sorted columns of the block rows; of small W, which are dense, none."""
-        if self._m <= storage.SPARSE_FROM:
+        if self._m <= storage.sparse_from(rigid=self._rigid):
             return np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int32)
         return _patterns.of(*self.bodies[:2], self.nc)
 
@@ -139,7 +142,7 @@ class DelassusSum:
 
     @property
     def dense(self) -> bool:
-        return storage.summed_dense(self._m, self._entries)
+        return storage.summed_dense(self._m, self._entries, rigid=self._rigid)
 
     @property
     def pattern(self) -> tuple[IntArray, IntArray]:

@@ -106,7 +106,7 @@ class BlockFactor:
         """Return W = H^T A^-1 H (m, m) for sparse H (n, m)."""
         H = H.tocsc()
         found = self._places(H, dimension)
-        W = DelassusSum(H, found.body, found.column, found.count, dimension)
+        W = DelassusSum(H, found.body, found.column, found.count, dimension, rigid=not self.blocks)
         for begin, block, surface in found.blocks:
             copies = np.zeros(len(block.dofs), dtype=np.int64)
             W.add(begin, block.compliance(surface)[None], copies, symmetric=isinstance(block.factor, DenseCholesky))

@@ -22,7 +22,7 @@ from fcsim.errors import InputError
 from fcsim.problem import LocalProblem
 from fcsim.problem.distributed import DistributedDelassus
 from fcsim.solvers.automatic import methods
-from fcsim.solvers.automatic.closed import closed, elastic_joints, faces, held_as_blocks, in_bed, on_springs, singular_here
+from fcsim.solvers.automatic.closed import closed, edges, elastic_joints, faces, held_as_blocks, in_bed, on_springs, singular_here
 from fcsim.solvers.automatic.costs import Prices
 from fcsim.solvers.automatic.expected import FAR, at_first, dearer_than_newton, opening, sweeps_lead_on, swept
 from fcsim.solvers.automatic.first import JOINTS_SHARE, newton_first, proximal_first, proximal_is_due, splitting_first
@@ -67,6 +67,10 @@ RESTING = 120
 96 to 317; 220 on an arch and a wall that took it 8629 and 812."""
 BEHIND = 10.0
 """Times the best error beyond which ADMM's own is far behind."""
+EDGES_ALONE = 800
+"""Contacts in edges up to which ADMM waits for proximal Newton's end: 28 arches and walls in 2D of 300 and 600 contacts took 1.1 to 1.3
+times as long with it beside the others, at most 1.1 times without; of 1000 and 1400 some without it 1.5 and 4.6 times. It takes some 100
+to 300 iterations where bodies come to rest, however many they are; proximal Newton more the more there are."""
 LAST = 40
 """Iterations that Fischer-Burmeister's Newton must be able to take, from both its starts together."""
 PLATEAU = 50
@@ -109,7 +113,8 @@ def _enter_splitting(race: Race) -> bool:
 def _proximal_before_splitting(race: Race) -> bool:
     """Whether proximal Newton has still to show what it does before ADMM enters: where it eliminates in the bodies' velocities, which takes
     no longer than 20 to 30 of ADMM's iterations, few of which get on where bodies move. Where joints hold more than the bodies' velocities
-    they often come to rest, for which ADMM is the cheaper one: there it waits for as much as its own first iterations cost. Piles in joints
+    they often come to rest, for which ADMM is the cheaper one: there it waits for as much as its own first iterations cost, and in edges of
+    few bodies for proximal Newton's end. Piles in joints
     of rigid bodies it seldom solves: there it waits for proximal Newton's own iterations and the cost of all that it takes in joints."""
     runner = race.runners.get("proximal Newton")
     if race.joints is not None:
@@ -117,6 +122,8 @@ def _proximal_before_splitting(race: Race) -> bool:
     if not race.prices.in_velocities or "proximal Newton" in race.options.without:
         return False
     if runner is None or (faces(race) and interior_is_first(race)) or (runner.result is None and on_springs(race)):
+        return True
+    if runner.result is None and not race.warm and race.problem.nc <= EDGES_ALONE and edges(race):
         return True
     if runner.result is not None or not at_first(runner):
         return False

@@ -238,7 +238,7 @@ class StepCompliance:
     def _sum(self, H: sp.sparray, dimension: int, *, late: bool = False) -> Matrix:
         """H^T A^-1 H for H (n, m) on the bodies' unknowns, from their compliances."""
         model, H = self.factor.model, self._on_compliances(H)
-        W = DelassusSum(H, *self.factor.places, len(model.bodies), dimension)
+        W = DelassusSum(H, *self.factor.places, len(model.bodies), dimension, rigid=len(model.rigid) == len(model.bodies))
         if late and model.shares is None:
             return summed_late(W, tuple(self.factor.compliances(self._asked(H))))
         for first, compliances, kind in self.factor.compliances(self._asked(H)):

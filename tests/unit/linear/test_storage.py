@@ -37,6 +37,13 @@ def test_a_sum_keeps_the_structure_that_joints_may_have() -> None:
     assert summed_dense(900, 0)
 
 
+def test_a_sum_of_rigid_bodies_is_sparse_beyond_the_compiled_front_door() -> None:
+    """128 contacts in space pass it; towers of 300 contacts have a tenth of W's entries."""
+    assert summed_dense(3 * 128, 0, rigid=True)
+    assert not summed_dense(900, 900**2 // 10, rigid=True)
+    assert summed_dense(900, 900**2, rigid=True)
+
+
 def test_work_adds_up() -> None:
     work = Work(flops=1e9) + 2 * Work(bytes=5e8, steps=1)
     assert work == Work(1e9, 1e9, 2)

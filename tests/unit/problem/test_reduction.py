@@ -313,6 +313,20 @@ def test_no_contact_at_all() -> None:
     assert_allclose(reduced.velocity(np.zeros(0))[0], [0.5] * 3)
 
 
+@pytest.mark.parametrize("k", [6, 9])
+def test_delassus_operator_of_a_chain_is_sparse_where_its_bodies_are_rigid(k: int) -> None:
+    """201 bodies of k unknowns, each in contact with the next one: of 200 contacts each has blocks with its neighbours alone."""
+    rng, nc = np.random.default_rng(3), 200
+    H = sp.lil_array((k * (nc + 1), 3 * nc))
+    for a in range(nc):
+        H[k * a : k * (a + 2), 3 * a : 3 * a + 3] = rng.standard_normal((2 * k, 3))
+    mass = spd(k, rng)
+    M = sp.csr_array(sp.kron(sp.eye_array(nc + 1), mass))
+    W = reduce(GlobalProblem(M, sp.csc_array(H), np.ones(k * (nc + 1)), np.zeros(3 * nc), np.full(nc, 0.3))).local.W
+    assert sp.issparse(W) == (k == 6)
+    assert_allclose(dense(W), H.T @ np.linalg.solve(M.toarray(), H.toarray()), rtol=1e-9, atol=1e-12)
+
+
 def test_contact_that_touches_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     """Both bodies held: H has zero columns there, W zero blocks."""
     H = np.zeros((3, 6))

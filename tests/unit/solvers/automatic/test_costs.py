@@ -130,7 +130,7 @@ def test_the_bodies_behind_a_matrix_go_with_its_storage(family: str) -> None:
     local = reduce(problems(family, 240, 1)).local
     assert local.delassus.motion is not None and local.stored().delassus.motion is not None
     held = local.W.copy()
-    held.flags.writeable = False
+    held.data.flags.writeable = False
     motion = local.motion.stored_as(local.W, held)
     assert replace(local, W=held, motion=motion).delassus.motion is not None
 

@@ -65,8 +65,10 @@ def test_admm_enters_where_sweeps_need_more(changes: dict[str, Any], enters: boo
         ({}, newton(iterations=19), False),
         ({}, newton(iterations=20), True),
         ({}, newton(iterations=5, result=ENDED), True),
-        ({"holds": EDGES_HELD, "dimension": 2}, newton(iterations=5, spent=159.0), False),
-        ({"holds": EDGES_HELD, "dimension": 2}, newton(iterations=5, spent=160.0), True),
+        ({"holds": EDGES_HELD, "dimension": 2, "nc": 801}, newton(iterations=5, spent=159.0), False),
+        ({"holds": EDGES_HELD, "dimension": 2, "nc": 801}, newton(iterations=5, spent=160.0), True),
+        ({"holds": EDGES_HELD, "dimension": 2, "nc": 800}, newton(iterations=400, spent=900.0), False),  # in edges of few bodies
+        ({"holds": EDGES_HELD, "dimension": 2, "nc": 800}, newton(iterations=5, result=ENDED), True),
         ({"holds": EDGES_HELD, "dimension": 2, "warm": True}, newton(iterations=5, spent=160.0), False),
         ({"holds": 1.0, "dimension": 2}, newton(iterations=5, spent=160.0), False),
         ({"regular": True}, newton(iterations=900), False),
