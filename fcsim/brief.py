@@ -34,6 +34,11 @@ def brief(value: DataclassInstance) -> str:
     return f"{type(value).__name__}({', '.join(parts)})"
 
 
+def counted(count: int, one: str) -> str:
+    """How many of a thing whose plural ends in s: 1 block, 2 blocks."""
+    return f"{count} {one}{'' if count == 1 else 's'}"
+
+
 def of_any_process(text: str) -> str:
     """What a value shows of itself without the addresses in memory of functions and objects in it, which no other process has."""
     return _ADDRESS.sub("", text)

@@ -69,10 +69,11 @@ def naming(path: Path) -> Iterator[None]:
         yield
     except OSError as error:
         beside = path.absolute().parent
-        if isinstance(error.filename, str) and Path(error.filename).is_relative_to(beside):
-            own = Path(error.filename).relative_to(beside).parts
-            if own and own[0].startswith(f".{path.name}."):
-                error.filename = str(path)
+        for name in (error.filename, error.filename2):  # of a copy both
+            if isinstance(name, str) and Path(name).is_relative_to(beside):
+                own = Path(name).relative_to(beside).parts
+                if own and own[0].startswith(f".{path.name}."):
+                    error.filename, error.filename2 = str(path), None
         raise
 
 

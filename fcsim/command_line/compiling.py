@@ -9,6 +9,9 @@ from time import monotonic
 PATIENCE = 3.0
 """[s] of compilation before it is spoken of: a kernel or two are compiled as fast as a step is made."""
 
+COMPILING = "compiling what this run computes with"
+"""How that line begins."""
+
 
 @contextmanager
 def saying_so(say: Callable[[str], None]) -> Iterator[None]:
@@ -33,7 +36,7 @@ def saying_so(say: Callable[[str], None]) -> Iterator[None]:
                 self.spent = spent
             if spent > PATIENCE and not self.said:
                 self.said = True
-                say("compiling what this run computes with, once: up to two minutes, which later runs do not take")
+                say(f"{COMPILING}, once: up to two minutes, which later runs do not take")
 
     listener = Compilations()
     register("numba:compile", listener)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from fcsim.command_line.answers import answer
 from fcsim.command_line.terminal import Bar, print_table, say
 from fcsim.errors import EXIT_OK
 
@@ -44,8 +45,9 @@ def _render(options: argparse.Namespace) -> int:
             bar.say(
                 "no pictures and no film: the run has no VTK files, which fcsim run writes every 10th step and after the last (--vtk-every)"
             )
-    for path in written:
-        say(path)
+    if not answer({"run": options.directory, "files": written}):
+        for path in written:
+            say(path)
     return EXIT_OK
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from fcsim.arrays import FloatArray
 from fcsim.assembly.model import Model
 from fcsim.contact_detection import Contacts
+from fcsim.masonry.problem import MasonryProblem
 
 OPEN = 1e-7
 """Of the structure's extent: joints that are open by more are called so; less is round-off."""
@@ -22,6 +23,11 @@ class Opening:
     opening: float
     slip: float
     ends: tuple[tuple[float, ...], tuple[float, ...]]
+
+
+def in_mm(way: float, problem: MasonryProblem) -> float:
+    """[mm] How far a joint has opened or slid, [m], as tables tell it: 0 where that is round-off."""
+    return 1e3 * way if way > OPEN * problem.size else 0.0
 
 
 def openings(contacts: Contacts, model: Model, x: FloatArray) -> tuple[Opening, ...]:

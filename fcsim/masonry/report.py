@@ -14,7 +14,7 @@ from fcsim.masonry.histories.branch import Branch
 from fcsim.masonry.histories.shake import Shake
 from fcsim.masonry.limit_analysis.analysis import LimitAnalysis
 from fcsim.masonry.limit_analysis.reactions import SupportForces
-from fcsim.masonry.openings import Opening
+from fcsim.masonry.openings import Opening, in_mm
 from fcsim.masonry.problem import MasonryProblem
 from fcsim.masonry.remarks import remarks
 from fcsim.records import write_record
@@ -115,10 +115,10 @@ def write_shake(directory: Path, seen: Shake) -> None:
     write_csv(directory / "shake.csv", ("t [s]", "displacement [mm]", "turn [degrees]"), rows)
 
 
-def write_openings(path: Path, joints: tuple[Opening, ...]) -> None:
-    """Write the openings of joints, the widest first."""
+def write_openings(path: Path, problem: MasonryProblem, joints: tuple[Opening, ...]) -> None:
+    """Write the openings of joints, the widest first; what is no more than round-off is 0."""
     rows: list[tuple[str, ...]] = [
-        (*joint.between, f"{1e3 * joint.opening:.6g}", f"{1e3 * joint.slip:.6g}")
+        (*joint.between, *(f"{in_mm(value, problem):.6g}" for value in (joint.opening, joint.slip)))
         for joint in sorted(joints, key=lambda joint: -joint.opening)
     ]
     write_csv(path, ("block", "with", "opening [mm]", "slip [mm]"), rows)

@@ -55,17 +55,26 @@ def changes(stored: Description, now: Description) -> list[str]:
         if before != after:
             how = "is read now" if before is None else "is not read now" if after is None else "has changed"
             found.append(f"{path} {how}")
-    for name in ("model", "scheme", "h", "solver", "tol"):
+    for name in ("model", "h", "scheme", "solver", "tol"):
         before, after = getattr(stored, name), getattr(now, name)
+        if name == "scheme" and stored.h != now.h:  # whose h is told by itself
+            before = before.replace(f"h={stored.h!r}", f"h={now.h!r}")
         if name == "scheme":  # earlier versions wrote where a law's function was
             before, after = of_any_process(before), of_any_process(after)
         if before != after:
-            found.append("the model's mesh has changed" if name == "model" else f"{name} was {before}")
+            found.append("the model's mesh has changed" if name == "model" else f"{name} was {before}, is {after}{_why(name, stored, now)}")
     for name in sorted({*stored.versions, *now.versions}):
         before, after = stored.versions.get(name, "absent"), now.versions.get(name, "absent")
         if before != after:
             found.append(f"{name} was {before}, is {after}")
     return found
+
+
+def _why(name: str, stored: Description, now: Description) -> str:
+    """Of a length of step that changes with the number of steps, which the user may well ask to be larger."""
+    if name != "h" or stored.steps == now.steps:
+        return ""
+    return f" with {now.steps} steps in place of {stored.steps}: where the case divides its time by them more steps are another run, in another --out"
 
 
 def accepted(changed: list[str], accept: bool) -> tuple[str, ...]:

@@ -218,11 +218,15 @@ def _anew(now: Description, stored: Description, checkpoint: Path) -> Descriptio
     return replace(now, notes=(*now.notes, "no checkpoint was there to go on from: the run has begun anew"))
 
 
-def _none_computed(start: int) -> str:
+def _none_computed(start: int, parameters: object) -> str:
     """What is said of a run whose steps are all there when it begins, `start` of them."""
     if start == 0:
         return "no step was asked for (steps = 0), and none was computed"
-    return f"the run had its {start} steps already, and none was computed: --resume --steps {2 * start} goes on with it"
+    said = f"the run had its {start} steps already, and none was computed"
+    if not hasattr(parameters, "steps"):
+        return said
+    unless = "" if hasattr(parameters, "h") else ", unless the case divides its time by them"
+    return f"{said}: --resume --steps {2 * start} goes on with it{unless}"
 
 
 def _run(
@@ -237,7 +241,7 @@ def _run(
     totals, begin = Totals(description.overlap), time.perf_counter()
     start = moments[0].number if moments else 0
     if start >= simulation.steps:
-        message = _none_computed(start)
+        message = _none_computed(start, asked.parameters)
 
     def reached() -> int:
         return outputs.last.number if outputs.last is not None else start

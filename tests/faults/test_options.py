@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from fcsim.command_line.compiling import COMPILING
 from fcsim.command_line.main import main
 from fcsim.export_fclib import write_fclib
 from fcsim.problem import LocalProblem
@@ -81,7 +82,7 @@ def test_options_as_texts(tmp_path: Path, apart: Apart, how_many: Any, generator
         said, errors = io.StringIO(), io.StringIO()
         with contextlib.redirect_stdout(said), contextlib.redirect_stderr(errors):
             code = main(["solve", str(path), "--solver", name, "--time-limit", "1", f"--set={field}={text}"])
-        lines = errors.getvalue().splitlines()
+        lines = [line for line in errors.getvalue().splitlines() if not line.startswith(COMPILING)]  # on machines that are slow, or busy
         good = (code == 2 and len(lines) == 1 and lines[0].startswith("fcsim: ")) or (code in (0, 1) and not lines)
         return "" if good else f"{name} {field}={text!r}: {code} {errors.getvalue()[:300]}"
 

@@ -44,6 +44,8 @@ def write_report(
     for folder in collections:
         if not folder.is_dir():
             raise InputError(f"--collection {folder}: expected a folder, found {'a file' if folder.exists() else 'nothing'}")
+        if not any((folder / name).is_file() for name in ("README.md", "manifest.csv")) and next(folder.rglob("*.hdf5"), None) is None:
+            raise InputError(f"--collection {folder}: expected problems (FCLIB files, or README.md and manifest.csv of some), found none")
     heading = title or _title(comparison)
     with matplotlib().rc_context(STYLE):
         profiles = _profiles(comparison)

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from fcsim.brief import counted
 from fcsim.command_line.masonry.arguments import stone
 from fcsim.command_line.terminal import print_table, say, say_json
 from fcsim.errors import EXIT_NOT_CONVERGED, EXIT_OK
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
     from fcsim.masonry import Bracket, LimitAnalysis, MasonryProblem
     from fcsim.timestep.step import Step
 
-WORDS = {"hinge": "turn", "sliding": "slide", "open": "open", "closed": "stay closed"}
+WORDS = {"hinge": ("turns", "turn"), "sliding": ("slides", "slide"), "open": ("opens", "open"), "closed": ("stays closed", "stay closed")}
 
 
 def print_analysis(options: argparse.Namespace, analysis: LimitAnalysis, seen: Bracket | None, *, angle: bool = False) -> int:
@@ -47,7 +48,8 @@ def _print(analysis: LimitAnalysis, seen: Bracket | None, angle: bool) -> None:
         say(f"expected: {expected.quantity}: {expected.value}")
     if analysis.lowest.outcome == "limit":
         states = [joint.state for joint in analysis.joints]
-        say("mechanism: " + ", ".join(f"{states.count(state)} joints {word}" for state, word in WORDS.items() if state in states))
+        number = {state: states.count(state) for state in WORDS if state in states}
+        say("mechanism: " + ", ".join(f"{counted(n, 'joint')} {WORDS[state][n > 1]}" for state, n in number.items()))
 
 
 def _write(options: argparse.Namespace, analysis: LimitAnalysis, seen: Bracket | None) -> None:
@@ -79,7 +81,8 @@ def _print_multipliers(analysis: LimitAnalysis, seen: Bracket | None, angle: boo
     free = sum(not block.support for block in problem.blocks)
     held = len(problem.blocks) - free
     mu = friction_words(problem, analysis.limit.contacts.mu)
-    say(f"{problem.title or problem.name}: {free} blocks, {held} supports, {len(analysis.joints)} joints, mu {mu}")
+    sizes = ((free, "block"), (held, "support"), (len(analysis.joints), "joint"))
+    say(f"{problem.title or problem.name}: {', '.join(counted(n, one) for n, one in sizes)}, mu {mu}")
     rows: list[Sequence[str]] = []
 
     def row(what: str, multiplier: float, remark: str) -> None:
@@ -117,7 +120,7 @@ def _write_cracks(directory: Path, analysis: LimitAnalysis, seen: Bracket, step:
 
     contacts = touching(analysis.problem, step.model) if step.model.deformable else analysis.limit.contacts
     joints = openings(contacts, step.model, step.state.x)
-    write_openings(directory / "openings.csv", joints)
+    write_openings(directory / "openings.csv", analysis.problem, joints)
     if analysis.problem.dimension == 2:
         title = f"{analysis.problem.title or analysis.problem.name}: {step.state.t:.2f} s after the multiplier {seen.fall[1]:.4g}"
         draw_cracks(analysis.problem, step.model, step.state.x, joints, directory / "cracks.png", title)

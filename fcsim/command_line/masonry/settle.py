@@ -6,6 +6,7 @@ import argparse
 import math
 from typing import TYPE_CHECKING
 
+from fcsim.brief import counted
 from fcsim.command_line.masonry.arguments import add_export, read, stone
 from fcsim.command_line.terminal import print_table, say, say_json
 from fcsim.errors import EXIT_OK, InputError
@@ -97,7 +98,7 @@ def _write(options: argparse.Namespace, problem: MasonryProblem, seen: Settlemen
 
     name = problem.title or problem.name
     write_settlement(options.out, problem, _movements(options, problem), seen)
-    write_openings(options.out / "openings.csv", seen.joints)
+    write_openings(options.out / "openings.csv", problem, seen.joints)
     draw_settlement(seen, options.out / "settle.png", name)
     if problem.dimension == 2:
         draw_cracks(
@@ -108,6 +109,7 @@ def _write(options: argparse.Namespace, problem: MasonryProblem, seen: Settlemen
 def _print(problem: MasonryProblem, seen: Settlement) -> None:
     from fcsim.masonry.exports.settlement import columns_of, rows_of
     from fcsim.masonry.histories.settle import ROTATION
+    from fcsim.masonry.openings import in_mm
 
     rows = rows_of(problem, seen, digits=6)
     shown = sorted({0, 1, len(rows) - 1, *range(0, len(rows), max(len(rows) // _SHOWN, 1))} & set(range(len(rows))))
@@ -115,9 +117,10 @@ def _print(problem: MasonryProblem, seen: Settlement) -> None:
     name = problem.title or problem.name
     end = f"{1e3 * seen.moved[-1]:.5g} mm"
     what = "falls when its support has moved by" if seen.falls else "stands still at"
-    say(f"{name}: {what} {end}; {int(seen.open_joints[-1])} joints open")
+    say(f"{name}: {what} {end}; {counted(int(seen.open_joints[-1]), 'joint')} open")
     if seen.turned:
         say(f"ends there: beyond it a block turns by more than {ROTATION:g} degree, and elastic blocks are computed for small turns")
     for joint in sorted(seen.joints, key=lambda joint: -joint.opening)[:6]:
         if joint.opening > 1e-3 * seen.opening[-1] > 0:
-            say(f"  {joint.between[0]} | {joint.between[1]}: open {1e3 * joint.opening:.4g} mm, slipped {1e3 * joint.slip:.4g} mm")
+            opening, slip = in_mm(joint.opening, problem), in_mm(joint.slip, problem)
+            say(f"  {joint.between[0]} | {joint.between[1]}: open {opening:.4g} mm, slipped {slip:.4g} mm")

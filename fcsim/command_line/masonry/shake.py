@@ -7,6 +7,7 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from fcsim.brief import counted
 from fcsim.command_line.masonry.arguments import AXES, direction, read, stone
 from fcsim.command_line.terminal import Bar, print_table, say, say_json
 from fcsim.errors import EXIT_OK, InputError
@@ -76,7 +77,9 @@ def _print(problem: MasonryProblem, seen: Shake) -> None:
         ("largest turn of a block", f"{math.degrees(seen.turn.max()):.5g} degrees", f"{seen.t[seen.turn.argmax()]:.4g} s"),
         ("displacement in the end", f"{1e3 * seen.displacement[-1]:.5g} mm", f"{seen.t[-1]:.4g} s"),
     ]
-    say(f"{problem.title or problem.name}: {len(problem.blocks)} blocks, {seen.t[-1]:.4g} s in {len(seen.t)} steps")
+    held = sum(block.support for block in problem.blocks)
+    sizes = f"{counted(len(problem.blocks) - held, 'block')}, {counted(held, 'support')}"
+    say(f"{problem.title or problem.name}: {sizes}, {seen.t[-1]:.4g} s in {counted(len(seen.t), 'step')}")
     print_table(("", "", "at"), rows, texts=1)
     fell = ", ".join(seen.fallen[:8]) + (f" and {len(seen.fallen) - 8} more" if len(seen.fallen) > 8 else "")
     say(f"fallen: {fell}" if fell else "nothing has fallen" + (", but it moves still" if seen.moving else ""))

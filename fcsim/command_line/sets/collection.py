@@ -7,6 +7,8 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from fcsim.brief import counted
+from fcsim.command_line.answers import answer
 from fcsim.command_line.assignments import add_launcher, checked_tolerance, cluster_of, positive, read_assignments
 from fcsim.command_line.terminal import Bar, print_table, say
 from fcsim.errors import EXIT_NOT_CONVERGED, EXIT_OK
@@ -125,8 +127,10 @@ def _build(options: argparse.Namespace) -> int:
             built = build.here(
                 progress=_progress(bar), watch=lambda case, step: bar.update(step.number, case.simulation.steps, what="steps")
             )
-    _tell(built.notes)
-    say(f"{len(one_a_problem(built.entries))} problems, {len(built.entries)} files: {built.directory} (README.md, manifest.csv)")
+    problems, files = len(one_a_problem(built.entries)), len(built.entries)
+    if not answer({"collection": built.directory, "problems": problems, "files": files, "complete": built.complete, "notes": built.notes}):
+        _tell(built.notes)
+        say(f"{counted(problems, 'problem')}, {counted(files, 'file')}: {built.directory} (README.md, manifest.csv)")
     return EXIT_OK if built.complete else EXIT_NOT_CONVERGED
 
 
@@ -173,12 +177,15 @@ def _say_of(selection: Selection, solver: str) -> None:
     """What a selection holds, on the terminal."""
     from fcsim.collection.readme import one_a_problem
 
-    _tell(selection.notes)
     rows = one_a_problem(selection.entries)
     unsolved = sum(row.status != "SOLVED" for row in rows)
     low, high = min(row.iterations for row in rows), max(row.iterations for row in rows)
+    sizes = {"problems": len(rows), "of": len(selection.graded), "unsolved": unsolved, "solver": solver, "iterations": [low, high]}
+    if answer({"collection": selection.directory, **sizes, "notes": selection.notes}):
+        return
+    _tell(selection.notes)
     say(
-        f"{len(rows)} of {len(selection.graded)} problems, {low} to {high} iterations of {solver} from r = 0, {unsolved} unsolved: "
+        f"{len(rows)} of {counted(len(selection.graded), 'problem')}, {low} to {high} iterations of {solver} from r = 0, {unsolved} unsolved: "
         f"{selection.directory} (README.md, manifest.csv)"
     )
 
@@ -188,6 +195,9 @@ def _check(options: argparse.Namespace) -> int:
 
     with Bar("problems", lines=0) as bar:
         rows = check_collection(options.directory, _progress(bar))
+    failed = [row for row in rows if row.failures]
+    if answer({"collection": options.directory, "files": rows, "failed": len(failed)}):
+        return EXIT_NOT_CONVERGED if failed else EXIT_OK
     header = ("file", "nc", "n", "m", "error", "stated", "cone", "equations", "verdict")
     table = [
         (
@@ -199,10 +209,9 @@ def _check(options: argparse.Namespace) -> int:
         for row in rows
     ]
     print_table(header, table)
-    failed = [row for row in rows if row.failures]
     for row in failed:
         say(f"FAILED {row.place}: {'; '.join(row.failures)}")
-    say(f"{len(rows)} files, {len(failed)} failed")
+    say(f"{counted(len(rows), 'file')}, {len(failed)} failed")
     return EXIT_NOT_CONVERGED if failed else EXIT_OK
 
 

@@ -49,6 +49,13 @@ def test_a_folder_that_cannot_be_written_to_is_named(tmp_path: Path, monkeypatch
         make(tmp_path / "not" / "there" / "out")
 
 
+def test_a_copy_that_finds_no_room_is_named_by_its_collection(tmp_path: Path) -> None:
+    """A copy's error names both files, and the temporary one was told."""
+    with pytest.raises(OSError, match="No space") as raised, whole_folder(tmp_path / "out") as folder:
+        raise OSError(errno.ENOSPC, "No space left on device", str(tmp_path / "from.hdf5"), None, str(folder / "global" / "to.hdf5"))
+    assert (raised.value.filename, raised.value.filename2) == (str(tmp_path / "out"), None)
+
+
 def test_a_collection_is_replaced(copy: Path) -> None:
     make(copy)
     assert content(copy) == {"README.md": b"new"}

@@ -250,3 +250,10 @@ def test_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main([*arguments, "--out", str(tmp_path / "out")]) == 0
     assert "3 of 5 problems" in capsys.readouterr().out
     assert main([*arguments, "--out", str(tmp_path / "out")]) == 2
+    capsys.readouterr()
+    assert main([*arguments, "--out", str(tmp_path / "json"), "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert (told["problems"], told["of"], told["unsolved"], told["collection"]) == (3, 5, 1, str(tmp_path / "json")) and "text" not in told
+    assert main(["collection", "check", str(tmp_path / "json"), "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["failed"] == 0 and [row["nc"] for row in told["files"]] == [1, 1, 1] and "text" not in told

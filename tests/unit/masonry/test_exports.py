@@ -9,6 +9,8 @@ from fcsim.errors import InputError
 from fcsim.masonry import MasonryProblem, read_model
 from fcsim.masonry.atlas.shapes import arch, cuboid
 from fcsim.masonry.exports import FORMATS, moved_blocks, write_blocks
+from fcsim.masonry.openings import Opening
+from fcsim.masonry.report import write_openings
 from fcsim.masonry.structure import Stone, structure
 
 pytestmark = pytest.mark.usefixtures("read_here")
@@ -70,6 +72,13 @@ def test_what_is_written_is_read_again(kind: str, dimension: int, tmp_path: Path
         assert {"floor", "stone"} <= {block.name for block in again.blocks}
     if kind == ".json":
         assert again.blocks[0].support and again.mu == problem.mu and again.loads == problem.loads
+
+
+def test_openings_of_round_off_are_none(tmp_path: Path) -> None:
+    """2e-8 m of a stone of 0.6 m was written with six digits."""
+    ends = ((0.0, 0.0, 0.0), (1.0, 1.0, 0.0))
+    write_openings(tmp_path / "o.csv", two(3), (Opening(("floor", "stone"), 2e-8, 3e-4, ends),))
+    assert (tmp_path / "o.csv").read_text().split() == ["block,with,opening", "[mm],slip", "[mm]", "floor,stone,0,0.3"]
 
 
 def test_compas_reads_its_meshes(tmp_path: Path) -> None:

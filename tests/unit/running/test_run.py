@@ -149,6 +149,18 @@ def test_going_on_and_beginning_anew_are_not_done_at_once(case_folder: Path, who
     assert snapshot(whole) == before
 
 
+def test_more_steps_of_a_time_that_they_divide_are_another_run(case_folder: Path, tmp_path: Path) -> None:
+    """What a user who wants more steps is told: which h came of it, once, and that the run cannot go on; nor is it said to."""
+    script = case_folder / "two_blocks.py"
+    script.write_text(script.read_text().replace("Theta(1e-3)", "Theta(4e-3 / p.steps)"))
+    run_case(load_case(case_folder), {"steps": "2"}, tmp_path / "out", PLAIN)
+    with pytest.raises(InputError, match=r"h was 0.002, is 0.001 with 4 steps in place of 2: where the case divides its time") as raised:
+        run_case(load_case(case_folder), {"steps": "4"}, tmp_path / "out", PLAIN, resume=True)
+    assert "scheme" not in str(raised.value)
+    said = run_case(load_case(case_folder), {}, tmp_path / "out", PLAIN, resume=True).message
+    assert said.endswith("--resume --steps 4 goes on with it, unless the case divides its time by them")
+
+
 def test_a_run_of_no_steps_says_so(case_folder: Path, tmp_path: Path) -> None:
     assert "none was computed" in run_case(load_case(case_folder), {"steps": "0"}, tmp_path / "out", PLAIN).message
 

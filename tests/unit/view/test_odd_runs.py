@@ -1,5 +1,6 @@
 """Runs of one step, without contacts, without a series: drawn without a warning."""
 
+import json
 import warnings
 from pathlib import Path
 
@@ -68,6 +69,9 @@ def test_a_run_without_a_series_says_why_there_are_no_pictures(tmp_path: Path, c
     assert "no pictures and no film: the run has no VTK files" in said.err and "plots" in said.out
     assert main(["render", str(folder / "run"), "--quiet"]) == 0
     assert capsys.readouterr().err == ""
+    assert main(["render", str(folder / "run"), "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert "text" not in told and all(Path(file).is_file() for file in told["files"]) and told["run"] == str(folder / "run")
 
 
 HOPELESS = (

@@ -197,6 +197,9 @@ def test_a_failure_leaves_the_earlier_page(folder, tmp_path, capsys):
     out.write_text("earlier")
     assert main(["report", str(folder), "--out", str(out), "--collection", str(tmp_path / "none")]) == 2
     assert "--collection" in capsys.readouterr().err and out.read_text() == "earlier"
+    (tmp_path / "empty").mkdir()
+    assert main(["report", str(folder), "--out", str(out), "--collection", str(tmp_path / "empty")]) == 2
+    assert "empty: expected problems" in capsys.readouterr().err and out.read_text() == "earlier"
     assert main(["report", str(tmp_path)]) == 2
     assert "there is none" in capsys.readouterr().err
 
