@@ -98,37 +98,17 @@ class NonlinearBodies:
         arrays = (x, variables, v, None if start is None else start[0], earlier)
         key = (*(None if a is None else a.tobytes() for a in arrays), t, dt, rate, None if start is None else start[1], tangent)
         if self._last is None or self._last[0] != key:
-            self._last = key, self._computed(x, variables, t, dt, v, rate, start, tangent, earlier)
+            begin, share = (None, 1.0) if start is None else start
+            self._last = key, self._computed(x, variables, Instant(t, dt, self.beta, v, rate, begin, share, earlier), tangent)
         return self._last[1]
 
-    def _computed(
-        self,
-        x: FloatArray,
-        variables: FloatArray | None,
-        t: float,
-        dt: float,
-        v: FloatArray | None,
-        rate: float,
-        start: tuple[FloatArray, float] | None,
-        tangent: bool,
-        earlier: FloatArray | None,
-    ) -> InnerForces:
-        """`inner` where it is not remembered."""
+    def _computed(self, x: FloatArray, variables: FloatArray | None, when: Instant, tangent: bool) -> InnerForces:
+        """`inner` where it is not remembered; the vectors of `when` are (n_dofs,), in world axes."""
         force, energy, dissipated, viscous = np.zeros_like(x), 0.0, 0.0, 0.0
         after, blocks, bad = [np.empty(0)], [], -1
         for group, part, own in self.shares(variables):
-            damped = None if v is None else self._own(v, group)
-            begin, share = (None, 1.0) if start is None else (self._own(start[0], group), start[1])
-            instant = Instant(
-                t,
-                dt,
-                self.beta if v is not None else 0.0,
-                damped,
-                rate,
-                begin,
-                share,
-                None if earlier is None else self._own(earlier, group),
-            )
+            v, begin, earlier = (None if of_all is None else self._own(of_all, group) for of_all in (when.v, when.start, when.earlier))
+            instant = replace(when, beta=0.0 if v is None else when.beta, v=v, start=begin, earlier=earlier)
             inner = self._inner(group, part, self._own(x, group), own, instant, tangent)
             force[group.dofs] = (inner.force @ group.rotation.T).reshape(len(own), -1)
             energy, dissipated = energy + float(inner.energy.sum()), dissipated + float(inner.dissipated.sum())

@@ -106,7 +106,7 @@ def trial(
     soft, rough = blocks != "rigid", False
     if tolerance is None:
         tolerance = _TOLERANCE if soft else max(tolerance_of(problem, multiplier, duration), FINEST)
-    for step, displacement, speed in _held(problem, multiplier, duration, steps, blocks, stone, tolerance):
+    for step, displacement, speed in _HeldLoad(problem, multiplier, duration, steps, blocks, stone).moves(tolerance):
         t = step.state.t
         rough |= displacement <= _AFLOAT * FIRST * problem.size and step.result.error > (1 + 1e-6) * tolerance
         if soft:
@@ -133,7 +133,7 @@ def fallen(
 ) -> Step:
     """Return the step at which a structure under a held load has moved by a share of its extent, or the last within `duration` [s]."""
     last = None
-    for step, displacement, _ in _held(problem, multiplier, duration, int(np.ceil(duration / 0.01)), blocks, stone):
+    for step, displacement, _ in _HeldLoad(problem, multiplier, duration, int(np.ceil(duration / 0.01)), blocks, stone).moves(_TOLERANCE):
         last = step
         if displacement > share * problem.size:
             break
@@ -141,45 +141,49 @@ def fallen(
     return last
 
 
-def _held(
-    problem: MasonryProblem,
-    multiplier: float,
-    duration: float,
-    steps: int,
-    blocks: BlocksAre,
-    stone: Stone | None,
-    tolerance: float = _TOLERANCE,
-) -> Iterator[tuple[Step, float, float]]:
-    """Steps under a held load, the largest displacement [m] and speed [m/s] of a free block's node.
+@dataclass(frozen=True)
+class _HeldLoad:
+    """A structure under the load at `multiplier`, held for `duration` [s] in `steps`; on deformable blocks it grows to that in this time,
+    and is held as long again."""
 
-    A step that does not converge at `tolerance` goes on at coarser ones: of that trial first motion may be an error's."""
-    soft = blocks != "rigid"
+    problem: MasonryProblem
+    multiplier: float
+    duration: float
+    steps: int
+    blocks: BlocksAre
+    stone: Stone | None
 
-    def grown(t: float) -> float:
-        return multiplier * min(t / duration, 1.0) if soft else multiplier
+    def _at(self, t: float) -> float:
+        """The multiplier at t [s]."""
+        return self.multiplier if self.blocks == "rigid" else self.multiplier * min(t / self.duration, 1.0)
 
-    model, _ = structure(problem, blocks, stone, multiplier=grown)
-    scheme = Theta(duration / steps, 1.0) if soft else Theta(duration / steps)
-    count = 2 * steps if soft else steps
-    detector = Everything(model, problem.friction)
-    free = free_nodes(problem, model)
-    tolerances = sorted({tolerance, max(_TOLERANCE, tolerance), max(_MOVING_TOLERANCE, tolerance)})
-    done, begin = 0, None
-    for tol in tolerances:
-        if done == count:
-            return
-        try:
-            for step in Simulation(model, detector, scheme, count - done, SolverSettings(tol=tol), initial=begin, created=np.inf):
-                done, begin = done + 1, step.state
-                moved = float(np.linalg.norm(model.node_displacement(step.state.x)[free], axis=1).max())
-                yield step, moved, float(np.linalg.norm(model.node_velocity(step.state.v, step.state.x)[free], axis=1).max())
-                if tol < tolerances[-1] and not soft and moved > _AFLOAT * FIRST * problem.size:
-                    break
-            else:
+    def moves(self, tolerance: float) -> Iterator[tuple[Step, float, float]]:
+        """Steps, the largest displacement [m] and speed [m/s] of a free block's node.
+
+        A step that does not converge at `tolerance` goes on at coarser ones: of that trial first motion may be an error's."""
+        problem, soft = self.problem, self.blocks != "rigid"
+        model, _ = structure(problem, self.blocks, self.stone, multiplier=self._at)
+        scheme = Theta(self.duration / self.steps, 1.0) if soft else Theta(self.duration / self.steps)
+        count = 2 * self.steps if soft else self.steps
+        detector = Everything(model, problem.friction)
+        free = free_nodes(problem, model)
+        tolerances = sorted({tolerance, max(_TOLERANCE, tolerance), max(_MOVING_TOLERANCE, tolerance)})
+        done, begin = 0, None
+        for tol in tolerances:
+            if done == count:
                 return
-        except NotConverged:
-            if tol == tolerances[-1]:
-                raise
+            try:
+                for step in Simulation(model, detector, scheme, count - done, SolverSettings(tol=tol), initial=begin, created=np.inf):
+                    done, begin = done + 1, step.state
+                    moved = float(np.linalg.norm(model.node_displacement(step.state.x)[free], axis=1).max())
+                    yield step, moved, float(np.linalg.norm(model.node_velocity(step.state.v, step.state.x)[free], axis=1).max())
+                    if tol < tolerances[-1] and not soft and moved > _AFLOAT * FIRST * problem.size:
+                        break
+                else:
+                    return
+            except NotConverged:
+                if tol == tolerances[-1]:
+                    raise
 
 
 def pressed(problem: MasonryProblem) -> float:

@@ -197,7 +197,7 @@ class InnerWork:
     numerical: float = 0.0
 
 
-class Instant(NamedTuple):
+class WithinStep(NamedTuple):
     """When within a step inner forces act: in the configuration x (n_dofs,), the time dt [s] and that share of the way after its
     beginning."""
 
@@ -206,7 +206,7 @@ class Instant(NamedTuple):
     share: float
 
 
-def inner_work(model: Model, before: State, after: State, dx: FloatArray, acting: Instant, damped: FloatArray | None) -> InnerWork:
+def inner_work(model: Model, before: State, after: State, dx: FloatArray, acting: WithinStep, damped: FloatArray | None) -> InnerWork:
     """The work of a step's inner forces, those at the instant `acting`, on dx (n_dofs,), by what became of it; damped: the velocity
     (n_dofs,) that was damped."""
     bodies = model.nonlinear
@@ -224,7 +224,7 @@ def inner_work(model: Model, before: State, after: State, dx: FloatArray, acting
     return InnerWork((first, last.energy), last.dissipated, viscous, numerical)
 
 
-def inner_force(model: Model, before: State, acting: Instant, damped: FloatArray) -> FloatArray | float:
+def inner_force(model: Model, before: State, acting: WithinStep, damped: FloatArray) -> FloatArray | float:
     """The inner forces (n_dofs,) [N] of `inner_work`, viscous ones included; 0 without nonlinear bodies."""
     bodies, (x, dt, share) = model.nonlinear, acting
     return bodies.inner(x, before.internal, before.t + dt, dt, v=damped, start=(before.x, share)).force if bodies else 0.0

@@ -34,7 +34,7 @@ from fcsim.brief import shown
 from fcsim.contact_law.coulomb import Gap
 from fcsim.contact_law.law import Law, Timing
 from fcsim.errors import InputError
-from fcsim.timestep.energy import Acting, Energy, Instant, balance, contact_work, inner_force, inner_work, momentum, pushing, turning
+from fcsim.timestep.energy import Acting, Energy, WithinStep, balance, contact_work, inner_force, inner_work, momentum, pushing, turning
 from fcsim.timestep.scheme import Dynamic, refuse_law
 from fcsim.timestep.state import State
 from fcsim.timestep.step_equation.end_velocity import end_velocity
@@ -176,7 +176,7 @@ class GeneralisedAlpha(Dynamic):
         first, last = elastic.at(before.x), elastic.at(after.x)
         middle = elastic.at(before.x + alpha_f * (after.x - before.x))
         energies, loss = elastic.energies(first, last)
-        inner = Instant(middle.x, self.elastic_time, alpha_f)
+        inner = WithinStep(middle.x, self.elastic_time, alpha_f)
         velocity, drift, strain_work = alpha_f * after.v + (1 - alpha_f) * before.v, np.zeros_like(dx), 0.0
         if model.held.turns:  # what driven rotations leave dx by, see `Theta.energy`
             drift = model.driven_share(after.x - before.x - dx)

@@ -18,7 +18,7 @@ from fcsim.contact_law.law import Law, Timing
 from fcsim.contact_law.rolling import contains
 from fcsim.errors import InputError
 from fcsim.mesh.part import Kinematics
-from fcsim.timestep.energy import Acting, Energy, Instant, balance, contact_work, inner_work, pushing
+from fcsim.timestep.energy import Acting, Energy, WithinStep, balance, contact_work, inner_work, pushing
 from fcsim.timestep.scheme import positive, refuse_law
 from fcsim.timestep.state import State
 
@@ -172,5 +172,5 @@ class QuasiStatic:
             damping=0.0,
             numerical=euler + regularisation,
             contact=contact_work(acting, dx),
-            inner=inner_work(model, before, after, dx, Instant(after.x, self.h, 1.0), None),
+            inner=inner_work(model, before, after, dx, WithinStep(after.x, self.h, 1.0), None),
         )

@@ -34,7 +34,7 @@ from fcsim.timestep.energy import (
     ContactWork,
     Energy,
     InnerWork,
-    Instant,
+    WithinStep,
     balance,
     contact_work,
     inner_force,
@@ -195,7 +195,7 @@ class Theta(Dynamic):
         work_inside = InnerWork()
         if model.nonlinear or model.held.turns:
             dx, mean = after.x - before.x, theta * after.v + (1 - theta) * before.v
-            inner = Instant(before.x + theta * dx, self.elastic_time, theta)
+            inner = WithinStep(before.x + theta * dx, self.elastic_time, theta)
             if model.held.turns:
                 drift = model.driven_share(dx - h * mean)
                 mean = mean + drift / h

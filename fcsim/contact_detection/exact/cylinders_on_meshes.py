@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from fcsim.arrays import BoolArray, FloatArray, IntArray
@@ -61,7 +63,7 @@ def _rims_on_faces(now: Placed, skin: MeshSkin, x: FloatArray, normal: FloatArra
             weights = np.stack([1 - s - t, s, t], axis=1)[keep]
             foot = points[keep, third] - height[keep, None] * n[keep]
             once = _once(code, skin.body[f[keep]], n[keep])
-            touch = _touch(now, skin, k[keep], n[keep], points[keep, third], foot, skin.facets[f[keep]], weights, f[keep], code)
+            touch = _touch(now, skin, k[keep], n[keep], points[keep, third], foot, _on_facets(skin, f[keep], weights), code)
             found.append(touch.take(once))
     return joined(found)
 
@@ -107,12 +109,7 @@ def _ends_on_vertices(now: Placed, skin: MeshSkin, x: FloatArray, normal: FloatA
     clear[on_rim] &= ~_surroundings(skin, x, normal, v[on_rim], across[on_rim] / radius[keep][on_rim, None])[0]
     good = looks & clear
     i, v, k, out, gap = i[good], v[good], k[good], out[good], gap[good]
-    nodes = np.column_stack([skin.vertices[v], np.full((len(v), 2), -1)])
-    weights = np.column_stack([np.ones(len(v)), np.zeros((len(v), 2))])
-    facet = np.full(len(skin.vertices), 0)
-    facet[skin.vertex] = np.arange(len(skin.facets))[:, None]
-    feature = len(skin.facets) + len(skin.edges) + v
-    return _touch(now, skin, k, -out, at[v] - gap[:, None] * out, at[v], nodes, weights, facet[v], 6 * i, feature)
+    return _touch(now, skin, k, -out, at[v] - gap[:, None] * out, at[v], _on_vertices(skin, v), 6 * i)
 
 
 def _out_by_the_end(now: Placed, k: IntArray, gap: FloatArray, aside: FloatArray) -> BoolArray:
@@ -160,36 +157,50 @@ def _ends_on_edges(now: Placed, skin: MeshSkin, x: FloatArray, normal: FloatArra
         facing = either.min(axis=0) < -1 + _LEVEL
         keep = level & facing & (root > 0) & (t > 0) & (t < 1) & (gap <= alert) & _out_by_the_end(now, k, gap, aside)
         n, at, share, edge = -out[keep], (now.centre[k] + place)[keep], t[keep], edges[e[keep]]
-        nodes = np.column_stack([skin.edges[edge], np.full(len(edge), -1)])
-        weights = np.column_stack([1 - share, share, np.zeros(len(edge))])
-        feature = len(skin.facets) + edge
-        facet = skin.edge_facets[edge, 0]
-        found.append(_touch(now, skin, k[keep], n, at + gap[keep, None] * n, at, nodes, weights, facet, 6 * i[keep] + 1 + turn, feature))
+        on = _on_edges(skin, edge, share)
+        found.append(_touch(now, skin, k[keep], n, at + gap[keep, None] * n, at, on, 6 * i[keep] + 1 + turn))
     return joined(found)
 
 
 def _rims_on_edges(now: Placed, skin: MeshSkin, x: FloatArray, normal: FloatArray, cylinders: IntArray, alert: float) -> Touch:
     """Where the rims cross edges in space."""
     i, edge, N, point, foot, share, code = crossings_of_rims(now, skin, x, normal, cylinders, alert)
+    return _touch(now, skin, cylinders[i], N, point, foot, _on_edges(skin, edge, share), 6 * i + code)
+
+
+class _Places(NamedTuple):
+    """Places of a skin: its nodes (n, 3), -1 = none, and their weights; a facet there (n,); the number of facet, edge or vertex (n,) that
+    it is, in this order."""
+
+    nodes: IntArray
+    weights: FloatArray
+    facet: IntArray
+    feature: IntArray
+
+
+def _on_facets(skin: MeshSkin, facet: IntArray, weights: FloatArray) -> _Places:
+    return _Places(skin.facets[facet], weights, facet, facet)
+
+
+def _on_edges(skin: MeshSkin, edge: IntArray, share: FloatArray) -> _Places:
+    """share (n,): of the way from an edge's first node to its second."""
     nodes = np.column_stack([skin.edges[edge], np.full(len(edge), -1)])
     weights = np.column_stack([1 - share, share, np.zeros(len(edge))])
-    return _touch(now, skin, cylinders[i], N, point, foot, nodes, weights, skin.edge_facets[edge, 0], 6 * i + code, len(skin.facets) + edge)
+    return _Places(nodes, weights, skin.edge_facets[edge, 0], len(skin.facets) + edge)
+
+
+def _on_vertices(skin: MeshSkin, v: IntArray) -> _Places:
+    nodes = np.column_stack([skin.vertices[v], np.full((len(v), 2), -1)])
+    weights = np.column_stack([np.ones(len(v)), np.zeros((len(v), 2))])
+    facet = np.full(len(skin.vertices), 0)
+    facet[skin.vertex] = np.arange(len(skin.facets))[:, None]
+    return _Places(nodes, weights, facet[v], len(skin.facets) + len(skin.edges) + v)
 
 
 def _touch(
-    now: Placed,
-    skin: MeshSkin,
-    solid: IntArray,
-    normal: FloatArray,
-    point: FloatArray,
-    foot: FloatArray,
-    nodes: IntArray,
-    weights: FloatArray,
-    facet: IntArray,
-    code: IntArray,
-    feature: IntArray | None = None,
+    now: Placed, skin: MeshSkin, solid: IntArray, normal: FloatArray, point: FloatArray, foot: FloatArray, on: _Places, code: IntArray
 ) -> Touch:
-    """Contacts of cylinders, slaves, with places of the skin, masters; code and the feature, by default the facet, identify them."""
-    bodies = np.stack([now.solids.body[solid], skin.body[facet]], axis=1)
-    identity = code * skin.n_features + (facet if feature is None else feature)
-    return Touch(normal, point, foot, now.solids.node[solid], now.weights(solid, point), nodes, weights, bodies, identity)
+    """Contacts of cylinders, slaves, with places of the skin, masters; code and the places' features identify them."""
+    bodies = np.stack([now.solids.body[solid], skin.body[on.facet]], axis=1)
+    weights = now.weights(solid, point)
+    return Touch(normal, point, foot, now.solids.node[solid], weights, on.nodes, on.weights, bodies, code * skin.n_features + on.feature)

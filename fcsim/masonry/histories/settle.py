@@ -17,11 +17,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from fcsim.arrays import FloatArray, is_vector
+from fcsim.arrays import BoolArray, FloatArray, is_vector
 from fcsim.assembly.kinematics.deformation import DeformationMeasure
 from fcsim.assembly.model import Model
 from fcsim.assembly.supports.support import Support
@@ -130,29 +131,24 @@ def settle(
     first = next(iter(Simulation(still, Everything(still, problem.friction), scheme, 1, _SOLVER, created=np.inf)))
     _refuse_fall(problem, first, max(_RUNS * reach / steps, (RUNAWAY if blocks == "rigid" else _SOFT_RUNAWAY) * problem.size))
     watch(first)
-    rows = [_Row.of(0.0, first, contacts, problem)]
-    falls, last = False, first
+    rows, last, end = [_Row.of(0.0, first, contacts, problem)], first, ""
     moving, _ = structure(problem, blocks, stone, held=_driven(problem, movements))
 
     def stands(x: FloatArray) -> bool:
         return _stands(still, problem, scheme, x, reach / steps)
 
-    free, measure, turned = free_nodes(problem, moving), DeformationMeasure(moving.groups, len(moving.deformable)), False
+    ends = _Ends(moving, free_nodes(problem, moving), DeformationMeasure(moving.groups, len(moving.deformable)), reach / steps, stands)
     for step in _moving(problem, moving, scheme, steps, first.state.x if moving.deformable else None, stands):
-        way = moving.node_displacement(step.state.x) - moving.node_displacement(step.previous.x)
-        pace = float(np.linalg.norm(way, axis=1)[free].max())
-        falls = pace > _RUNS * reach / steps or (pace > _QUICK * reach / steps and not stands(last.state.x))
-        if falls:
-            break
-        turned = bool(np.degrees(measure(step.state.x).rotation.max(initial=0.0)) > ROTATION)
-        if turned:
+        end = ends.after(step, last)
+        if end != "":
             break
         watch(step)
         last = step
         rows.append(_Row.of(reach * step.number / steps, step, contacts, problem))
     x = last.state.x
+    turned = end == "turned"
     standing = turned or stands(x)
-    falls = falls or not standing
+    falls = end == "falls" or not standing
     if not standing and len(rows) > 1:
         rows, x = rows[:-1], last.previous.x  # it ran away from a shape that no force holds: the step to it had those of the one before
     names = list(rows[0].forces)
@@ -163,6 +159,28 @@ def settle(
 
 
 _SOLVER = SolverSettings(name="auto")
+
+
+@dataclass(frozen=True)
+class _Ends:
+    """How the way of `model` ends before its supports have arrived; free (n_nodes,): the nodes of its free blocks; pace [m]: by how
+    much a support moves in a step; stands(x): whether the structure stands in a configuration."""
+
+    model: Model
+    free: BoolArray
+    measure: DeformationMeasure
+    pace: float
+    stands: Callable[[FloatArray], bool]
+
+    def after(self, step: Step, before: Step) -> Literal["", "falls", "turned"]:
+        """Whether blocks fall in this step, or a deformable one has turned too far; "": it goes on."""
+        model = self.model
+        way = model.node_displacement(step.state.x) - model.node_displacement(step.previous.x)
+        moved = float(np.linalg.norm(way, axis=1)[self.free].max())
+        if moved > _RUNS * self.pace or (moved > _QUICK * self.pace and not self.stands(before.state.x)):
+            return "falls"
+        rotation = self.measure(step.state.x).rotation
+        return "turned" if np.degrees(rotation.max(initial=0.0)) > ROTATION else ""
 
 
 def _stands(still: Model, problem: MasonryProblem, scheme: QuasiStatic, x: FloatArray, pace: float) -> bool:
