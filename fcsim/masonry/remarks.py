@@ -25,6 +25,7 @@ _OTHER_GRAVITY = 2.0  # times g, or its part, is another unit of length, or anot
 _ALONG, _FLAT, _LAYERS = 0.9, 0.5, 3  # of a normal, of height and width, blocks on each other: a wall that lies on its side
 _CANCELS = 1e-6  # of the largest load: what is left of loads that cancel, by a program's digits
 _LARGE = 20.0  # [m] stones that are larger, in the median, are given in another unit: of 25 cm in cm or mm
+_LIGHTEST = 30.0  # [kg/m^3] of no stone, but one in g/cm^3 or kN/m^3 has less
 _STEEPEST, _RIGHT = 5.0, 90.0  # friction of no stone, tan 79 degrees, and degrees that an angle of friction has less of
 _BEARS = 1e-3  # of the multiplier: what edges add that is said
 _NAMED = 5  # blocks that are named before "and n more"
@@ -112,6 +113,12 @@ def _of_units(problem: MasonryProblem) -> list[str]:
         said.append(
             f"blocks are {np.median(extents):.4g} m large in the median: are lengths in mm or cm? Multipliers of accelerations are the "
             "same, forces, times and displacements are not"
+        )
+    light = [block for block in problem.blocks if not block.support and block.density is not None and block.density < _LIGHTEST]
+    if light:
+        said.append(
+            f"density {light[0].density:g} kg/m^3 of {light[0].name!r} is that of no stone: is it in g/cm^3 (1 is 1000 kg/m^3) or kN/m^3 "
+            "(1 is 102 kg/m^3)?"
         )
     for mu in sorted({problem.mu, *problem.between.values()}):
         if _STEEPEST < mu < _RIGHT:

@@ -74,7 +74,8 @@ def _why(name: str, stored: Description, now: Description) -> str:
     """Of a length of step that changes with the number of steps, which the user may well ask to be larger."""
     if name != "h" or stored.steps == now.steps:
         return ""
-    return f" with {now.steps} steps in place of {stored.steps}: where the case divides its time by them more steps are another run, in another --out"
+    why = "where the case divides its time by them more steps are another run, in another --out"
+    return f" with {now.steps} steps in place of {stored.steps}: {why}"
 
 
 def accepted(changed: list[str], accept: bool) -> tuple[str, ...]:

@@ -20,6 +20,8 @@ RESOLUTION = 1e-3
 TURN = 0.5
 """[rad] What turns by more in a step may have gone through another body before the next measurement."""
 _NAMED = 3
+ALLOW = ", or allow it with witness=Witness(initial='allow')"
+"""What the users of `fcsim.Simulation` may do besides about bodies that overlap to begin with."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -130,10 +132,8 @@ class Watch:
             at = ", ".join(f"{c:.4g}" for c in seen.point[k])
             named.append(f"{a!r} and {b!r} by {seen.depth[k]:.3g} m ({100 * share[k]:.3g} % of the smaller one's extent) at ({at})")
         more = f"; and {len(worst) - _NAMED} more pairs" if len(worst) > _NAMED else ""
-        raise InputError(
-            f"bodies overlap before the first step: {'; '.join(named)}{more}. Expected at most {100 * tolerance:g} %: move them apart, or "
-            "allow it with witness=Witness(initial='allow')"
-        )
+        mend = f"Expected at most {100 * tolerance:g} %: move them apart{ALLOW}"
+        raise InputError(f"bodies overlap before the first step: {'; '.join(named)}{more}. {mend}")
 
 
 def begin(witness: Witness, model: Model, x: FloatArray, without: IntArray | None = None) -> Watch:

@@ -185,8 +185,8 @@ def _say_of(selection: Selection, solver: str) -> None:
         return
     _tell(selection.notes)
     say(
-        f"{len(rows)} of {counted(len(selection.graded), 'problem')}, {low} to {high} iterations of {solver} from r = 0, {unsolved} unsolved: "
-        f"{selection.directory} (README.md, manifest.csv)"
+        f"{len(rows)} of {counted(len(selection.graded), 'problem')}, {low} to {high} iterations of {solver} from r = 0, "
+        f"{unsolved} unsolved: {selection.directory} (README.md, manifest.csv)"
     )
 
 

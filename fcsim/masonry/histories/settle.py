@@ -280,7 +280,8 @@ def _checked(problem: MasonryProblem, movements: Sequence[Movement], steps: int)
             raise InputError(f"{what}, {movement.support!r}: expected a displacement or a turn, got none")
         (_, dy, _), (rx, _, rz) = movement.displacement, movement.turn
         if problem.dimension == 2 and any((dy, rx, rz)):
-            raise InputError(f"{what}, {movement.support!r}: expected a motion in the plane of x and z, a turn about y, got {movement}")
+            given = f"move {movement.displacement}, turn {tuple(round(float(np.degrees(turn)), 9) for turn in movement.turn)} degrees"
+            raise InputError(f"{what}, {movement.support!r}: expected a motion in the plane of x and z, a turn about y alone, got {given}")
     names = [movement.support for movement in movements]
     if len(set(names)) < len(names):
         raise InputError(f"{what}: expected one movement a support, got {', '.join(names)}")

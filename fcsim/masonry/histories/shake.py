@@ -75,7 +75,9 @@ def shake(
     expect_problem(problem, "shake")
     if duration is None:
         if not problem.shaking:
-            raise InputError(f"{problem.name!r}: expected base_acceleration or a duration, got neither")
+            raise InputError(
+                f"{problem.name!r}: expected a record (--record FILE.csv), base_acceleration in its file or a --duration, got none"
+            )
         ends = [float(each.record.times[-1]) for each in problem.shaking if isinstance(each.record, AccelerationRecord)]
         if len(ends) < len(problem.shaking):
             raise InputError(f"{problem.name!r}: expected a duration, since its ground shakes by a function, which has no end")

@@ -16,7 +16,9 @@ from fcsim.errors import InputError
 from fcsim.masonry.bodies import force_and_moment, rigid_blocks, supports, vector_of
 from fcsim.masonry.problem import MasonryProblem, PointForce, expect_problem
 from fcsim.witness import Witness, begin
+from fcsim.witness.witness import ALLOW
 
+_WIDEST = 0.25  # of the smallest block: a tolerance
 _SMALLEST_LOAD = 1e-60
 """[N] Loads below it, and above its inverse, leave the range of floats in products."""
 
@@ -50,11 +52,16 @@ def limit_problem(problem: MasonryProblem, *, tolerance: float | None = None) ->
     expect_problem(problem, "limit analysis")
     if tolerance is not None and not (is_number(tolerance) and tolerance > 0):
         raise InputError(f"tolerance: expected a distance > 0 in m, got {shown(tolerance)}")
+    if tolerance is not None and tolerance > (most := _WIDEST * problem.smallest):  # blocks would touch through others
+        raise InputError(f"tolerance: expected at most {most:.4g} m, a quarter of the smallest block's extent, got {tolerance:g}")
     if problem.shaking:
         raise InputError(f"limit analysis of {problem.name!r}: expected ground at rest, got base_acceleration: see `fcsim shake`")
     bodies = rigid_blocks(problem)
     model = build_model(bodies, supports=supports(problem))
-    begin(Witness(), model, np.zeros(model.n_dofs))
+    try:
+        begin(Witness(), model, np.zeros(model.n_dofs))
+    except InputError as error:  # what Python's users may do about it is no option here
+        raise InputError(f"masonry problem {problem.name!r}: {str(error).removesuffix(ALLOW)}") from None
     contacts = Everything(model, problem.friction, 1e-4 * problem.smallest if tolerance is None else tolerance)(model.reference)
     H = sp.csr_array(model.contact_matrix(contact_matrix(contacts, model.n_nodes), np.zeros(model.n_dofs)))[model.free_dofs]
     dead, live = (_loads(problem, model, scaled=scaled) for scaled in (False, True))

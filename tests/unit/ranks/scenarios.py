@@ -20,7 +20,7 @@ from fcsim.assembly.supports import Support
 from fcsim.assembly.whole import vectors
 from fcsim.contact_detection import Detector, Everything, ExactContacts, SurfacePair, node_to_segment
 from fcsim.contact_detection.surfaces.model_surfaces import contact_surface
-from fcsim.contact_law import Velocity
+from fcsim.contact_law import Compliant, Springs, Velocity
 from fcsim.linear.sparse import by_ranks
 from fcsim.mesh.blocks import brick, rigid_box
 from fcsim.mesh.exact.rigid_shapes import rigid_plane, rigid_sphere
@@ -119,6 +119,23 @@ def meeting() -> Simulation:
     return Simulation(model, Everything(model, 0.3), Theta(2e-3, law=Velocity(0.5)), 12, initial=replace(start, v=v))
 
 
+def springs() -> Simulation:
+    """Blocks of second order, whose meshes do not match, drawn over each other by joints with springs that mortar integrates."""
+    size, stone = (0.2, 0.1, 0.1), Material(1e7, 0.2, 2000.0)
+    cells = ((2, 1, 1), (3, 1, 1), (2, 2, 1))
+    parts = [brick(f"part {k}", size, divisions, stone, elements="Q2") for k, divisions in enumerate(cells)]
+    model = build_model(
+        [Body(f"block {k}", part, translation=np.array([0.01 * k, 0.0, 0.1 * k])) for k, part in enumerate(parts)],
+        supports=[Support("block 0", HOLD, "z-"), Support("block 2", ("x",), "z+", velocity=0.02)],
+        gravity=lambda t: (0.0, 0.0, -9.81),
+        beta=1e-3,
+    )
+    between = [(contact_surface(model, [(f"block {k + 1}", "z-")]), contact_surface(model, [(f"block {k}", "z+")])) for k in range(2)]
+    pairs = [SurfacePair(slave, master, 0.4, 0.01, "mortar") for slave, master in between]
+    law = Compliant(Springs(normal=1e8, tangential=5e7))
+    return Simulation(model, Detector(pairs, model.n_nodes), Theta(2e-3, law=law), 6)
+
+
 SCENARIOS: dict[str, Callable[[], Simulation]] = {
     "a wall": case("masonry_wall", 3, divisions="2,1,1"),
     "an arch": case("arch", 3, voussoirs="9"),
@@ -129,6 +146,7 @@ SCENARIOS: dict[str, Callable[[], Simulation]] = {
     "steps that are cut": cut,
     "balls on a bed": balls,
     "blocks that meet and part": meeting,
+    "springs by mortar between blocks of second order": springs,
 }
 
 

@@ -52,7 +52,7 @@ def test_a_facade_of_forty_blocks_from_file_to_film(dimension: int, tmp_path: Pa
     assert main(["tilt", str(tmp_path / "facade.json"), "--out", str(out), "--film"]) == EXIT_OK
     assert sum(os.times()[:4]) - begin < BUDGET
     printed = capsys.readouterr().out
-    assert "40 blocks, 1 supports" in printed and "collapse: finished" in printed
+    assert "40 blocks, 1 support" in printed and "collapse: finished" in printed
     analysis = json.loads((out / "analysis.json").read_text())
     limits = analysis["limit_analysis"]
     stands, falls = analysis["simulation"]["fall"]

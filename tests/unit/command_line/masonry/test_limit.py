@@ -10,8 +10,9 @@ import pytest
 
 from fcsim.command_line.main import main
 from fcsim.errors import EXIT_BAD_INPUT, EXIT_OK, InputError
-from fcsim.masonry import LimitProblem, MasonryProblem, collapse, pushed, write_masonry
+from fcsim.masonry import LimitProblem, MasonryProblem, analyse, collapse, pushed, write_masonry
 from fcsim.masonry.atlas.shapes import cuboid, one_block
+from fcsim.masonry.remarks import remarks
 
 
 def said_of(problem: MasonryProblem, path: Path, options: list[str], capsys: pytest.CaptureFixture[str]) -> str:
@@ -27,7 +28,7 @@ def test_friction_is_that_of_the_joints_and_not_of_pairs_that_are_none(tmp_path:
     weak = replace(block, between={(names[0], names[1]): 0.2})
     asked = ["--friction", "--multiplier", "0.1"]
     assert "reduction of friction 2: it needs mu 0.1 of 0.2" in said_of(weak, tmp_path / "weak.json", asked, capsys)
-    assert "1 joints, mu 0.2\n" in said_of(weak, tmp_path / "weak.json", [], capsys)
+    assert "1 joint, mu 0.2\n" in said_of(weak, tmp_path / "weak.json", [], capsys)
 
 
 def test_what_is_wedged_is_not_said_to_need_no_friction(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -44,6 +45,7 @@ def test_what_is_wedged_is_not_said_to_need_no_friction(tmp_path: Path, capsys: 
         (["--density", "1500"], "density: expected it with blocks whose file has none"),
         (["--tolerance=-1"], "tolerance: expected a distance > 0 in m, got -1"),
         (["--tolerance=nan"], "tolerance: expected a distance > 0 in m, got nan"),
+        (["--tolerance=10"], "tolerance: expected at most 0.25 m, a quarter of the smallest block's extent, got 10"),
     ],
 )
 def test_options_that_say_nothing_possible_or_nothing_new_are_refused(
@@ -53,6 +55,30 @@ def test_options_that_say_nothing_possible_or_nothing_new_are_refused(
     write_masonry(tmp_path / "block.json", pushed(one_block(0.4, 1.0, 0.3), (1.0, 0.0, 0.0)))
     assert main(["limit", str(tmp_path / "block.json"), *options]) == EXIT_BAD_INPUT
     assert said in capsys.readouterr().err
+
+
+def test_what_is_no_option_is_not_advised(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Blocks that overlap were to be allowed by an argument of Python; a turn out of the plane was shown as Python shows it."""
+    problem = one_block(0.4, 1.0, 0.3)
+    stone = next(block for block in problem.blocks if not block.support)
+    twin = replace(stone, surface=replace(stone.surface, name="twin"))
+    write_masonry(tmp_path / "twins.json", replace(problem, blocks=(*problem.blocks, twin)))
+    assert main(["limit", str(tmp_path / "twins.json"), "--direction", "x"]) == EXIT_BAD_INPUT
+    said = capsys.readouterr().err
+    assert "expected at most 2 %: move them apart\n" in said.lower() and "masonry problem" in said
+    write_masonry(tmp_path / "block.json", replace(problem, dimension=2))
+    held = next(block.name for block in problem.blocks if block.support)
+    assert main(["settle", str(tmp_path / "block.json"), "--of", held, "--turn", "0,0,1"]) == EXIT_BAD_INPUT
+    assert "a turn about y alone, got move (0.0, 0.0, 0.0), turn (0.0, 0.0, 1.0) degrees" in capsys.readouterr().err
+
+
+def test_a_density_in_other_units_is_asked_about(tmp_path: Path) -> None:
+    """2.2 is that of stone in g/cm^3, 22 in kN/m^3; 2200 is not asked about."""
+    problem = pushed(one_block(0.4, 1.0, 0.3), (1.0, 0.0, 0.0))
+    for density, asked in ((2.2, True), (22.0, True), (2200.0, False)):
+        blocks = tuple(block if block.support else replace(block, density=density, mass=None) for block in problem.blocks)
+        said = " ".join(remarks(analyse(replace(problem, blocks=blocks)), None))
+        assert (f"density {density:g} kg/m^3 of " in said) == asked
 
 
 def test_a_folder_for_one_number_is_refused_before_it_is_computed(

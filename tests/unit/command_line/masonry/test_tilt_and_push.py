@@ -43,7 +43,12 @@ def model(tmp_path: Path) -> Path:
 def test_limit_prints_and_writes(model: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["limit", str(model), "--direction", "x", "--out", str(tmp_path / "out")]) == EXIT_OK
     printed = capsys.readouterr().out
-    assert "0.4\n" in printed and "1 joint turns" in printed and "1 block, 1 support, 1 joint, mu 0.7" in printed and "proportion: 0.4" in printed
+    assert (
+        "0.4\n" in printed
+        and "1 joint turns" in printed
+        and "1 block, 1 support, 1 joint, mu 0.7" in printed
+        and "proportion: 0.4" in printed
+    )
     found = json.loads((tmp_path / "out" / "analysis.json").read_text())
     assert found["limit_analysis"]["coulomb"]["multiplier"] == pytest.approx(0.4)
     (joint,) = csv.DictReader((tmp_path / "out" / "joints.csv").open())
