@@ -221,7 +221,7 @@ def solve_automatically(
                 return SOLVED, sweeps + inside, rows, admissible, u, scale, scaled, plain, found
             u, scaled, plain, found = judged(W, q, mu, compliance, found_r, d)
             return SOLVED, sweeps + inside, rows, found_r, u, scale, scaled, plain, found
-        if turns == 1 and not last_sweeps:  # an interior point comes next: of 60 beds that Newton had left the sweeps after it solved none
+        if turns == 1 and not last_sweeps:  # an interior point comes next: of 24 beds that it had left sweeps solved none
             if found_error < least:
                 least, best = found_error, found_r
             break
