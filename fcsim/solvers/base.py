@@ -160,6 +160,7 @@ class Monitor:
     velocity: u (m,) from r (m,) by the problem's own equations. Methods may carry u along as they move r; that drifts from W r + q, so
     that an error at or below `tol` counts only when it was computed with this u.
     memory: what earlier solves left and what this one leaves, None where nothing is to be kept (see `fcsim.solvers.memory`).
+    passed, unproven: whether the compiled front door (`solvers.small`) has tried the problem, and found no proof that it has no solution.
     """
 
     def __init__(
@@ -177,6 +178,7 @@ class Monitor:
         memory: Memory | None = None,
     ) -> None:
         self.memory, self._velocity = memory, velocity
+        self.passed = self.unproven = False
         self.mu, self.dimension = mu, dimension
         self.compliance = np.ones(len(mu)) if compliance is None else compliance
         self.tol = tol

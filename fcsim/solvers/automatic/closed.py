@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import scipy.sparse as sp
 
-from fcsim.arrays import FloatArray
+from fcsim.arrays import FloatArray, Matrix
 from fcsim.linear._block_rows_kernels import block_rows_of_dense, row_patterns
 from fcsim.solvers.automatic.race import Race
 from fcsim.solvers.newton.systems._velocity_kernels import velocities_held
@@ -144,12 +144,29 @@ def in_small_bed(race: Race) -> bool:
     if race.small is None:
         problem, d = race.problem, race.problem.dimension
         loose = race.joints is None and not small_and_elastic(race) and not on_springs(race)
-        race.small = loose and not race.warm and 0 < problem.nc <= FEW
-        if race.small:
-            W = problem.W if isinstance(problem.W, np.ndarray) else problem.W.toarray()
-            starts, columns, _ = block_rows_of_dense(np.ascontiguousarray(W), d)
-            race.small = problem.nc < LOOSE[d] * row_patterns(starts, columns)
+        small = loose and not race.warm and 0 < problem.nc <= FEW
+        race.small = small and problem.nc < LOOSE[d] * _patterns_of_rows(problem.W, d)
     return race.small
+
+
+def in_noisy_bed(race: Race) -> bool:
+    """Whether few grains lie in a bed whose W is not symmetric, as one that bears noise: an interior point from zero arrives on fewer of
+    these, and proximal Newton, whose iterations cost a third since it leaves out open contacts, from the sweeps' iterate on more."""
+    return in_small_bed(race) and not race.problem.delassus.symmetric
+
+
+def swept_at_the_door(race: Race) -> bool:
+    """Whether the compiled front door has left a small bed, where sweeps cost more than an interior point then: not so of unlike masses, of
+    which sweeps still solve some."""
+    return race.passed and in_small_bed(race) and not unlike(race)
+
+
+def _patterns_of_rows(W: Matrix, d: int) -> int:
+    """Patterns of the rows of blocks of W (m, m) of few contacts."""
+    if isinstance(W, sp.bsr_array) and W.blocksize == (d, d) and W.has_sorted_indices:
+        return int(row_patterns(W.indptr, W.indices))
+    starts, columns, _ = block_rows_of_dense(np.ascontiguousarray(W if isinstance(W, np.ndarray) else W.toarray()), d)
+    return int(row_patterns(starts, columns))
 
 
 def unlike(race: Race) -> bool:

@@ -8,6 +8,7 @@ from fcsim.solvers.automatic.closed import (
     closed,
     held_as_blocks,
     in_blocks,
+    in_small_bed,
     kept,
     newton_stays,
     on_springs,
@@ -56,9 +57,11 @@ def proximal_first(race: Race) -> bool:
     those that close, so that Newton's matrix is singular, be it at r = 0. Its first iterations there cost no more than a probe of sweeps
     that begin anew, as they do in joints, and bring more, from a warm start as well. Also from a warm start where edges or faces hold one
     another without joints in W, as in small walls and arches, where it takes one to ten iterations, or slide and part, without
-    stiffness."""
+    stiffness; and where the compiled front door has left blocks, whose sweeps cost more."""
     if not race.prices.in_velocities or "proximal Newton" in race.options.without:
         return False
+    if race.passed and not (race.warm or on_springs(race) or in_small_bed(race)):
+        return True
     if race.joints is None:
         return race.warm and (held_as_blocks(race) or (in_blocks(race) and not on_springs(race)))
     return singular_here(race)

@@ -10,10 +10,12 @@ from fcsim.solvers.automatic.closed import (
     faces,
     held_as_blocks,
     in_bed,
+    in_noisy_bed,
     in_single_points,
     in_small_bed,
     on_springs,
     singular_here,
+    swept_at_the_door,
     unlike,
 )
 from fcsim.solvers.automatic.expected import FAR, PROXIMAL_ALONE, at_first, swept
@@ -81,7 +83,9 @@ def enter_interior(race: Race) -> bool:
     if runner is None:
         if not interior_opens(race):
             return False
-        return swept(race) > INTERIOR_OF_FEW * race.prices.interior if in_small_bed(race) else proximal_is_due(race)
+        if not in_small_bed(race):
+            return proximal_is_due(race)
+        return swept_at_the_door(race) or swept(race) > INTERIOR_OF_FEW * race.prices.interior
     if race.warm or race.joints is not None or (race.best > FAR and not race.over("proof")):
         return False
     if _zero_comes_first(race) and not race.over("proximal Newton from zero"):
@@ -107,6 +111,8 @@ def interior_opens(race: Race) -> bool:
     if race.warm or race.joints is not None or "interior point" in race.options.without:
         return False
     if not in_small_bed(race) and not _in_discs(race):
+        return False
+    if race.passed and in_noisy_bed(race):
         return False
     runner = race.runners.get("interior point")
     return runner is None or (runner.result is None and len(runner.monitor.paths) < 2 and on_a_path(runner))

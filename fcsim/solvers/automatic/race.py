@@ -234,6 +234,11 @@ class Race:
     still: bool | None = None
 
     @property
+    def passed(self) -> bool:
+        """Whether the compiled front door has tried the problem."""
+        return self.monitor.passed
+
+    @property
     def best(self) -> float:
         """The least error so far."""
         return self.monitor.best

@@ -13,7 +13,7 @@ Sources: beside each method in the solver table; the conditions and the race are
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -22,7 +22,17 @@ from fcsim.errors import InputError
 from fcsim.problem import LocalProblem
 from fcsim.problem.distributed import DistributedDelassus
 from fcsim.solvers.automatic import methods
-from fcsim.solvers.automatic.closed import closed, edges, elastic_joints, faces, held_as_blocks, in_bed, on_springs, singular_here
+from fcsim.solvers.automatic.closed import (
+    closed,
+    edges,
+    elastic_joints,
+    faces,
+    held_as_blocks,
+    in_bed,
+    on_springs,
+    singular_here,
+    swept_at_the_door,
+)
 from fcsim.solvers.automatic.costs import Prices
 from fcsim.solvers.automatic.expected import FAR, at_first, dearer_than_newton, opening, sweeps_lead_on, swept
 from fcsim.solvers.automatic.first import JOINTS_SHARE, newton_first, proximal_first, proximal_is_due, splitting_first
@@ -146,6 +156,8 @@ def _on_track(race: Race, runner: Runner) -> bool:
 
 
 def _enter_sweeps(race: Race) -> bool:
+    if swept_at_the_door(race) and interior_opens(race):
+        return False
     if newton_first(race) and (on_springs(race) or (race.warm and elastic_joints(race))):  # of 300, of 10 such sweeps solved none
         return race.over("Newton") and race.over("proximal Newton")
     if proximal_first(race):
@@ -166,7 +178,9 @@ def _enter_interior_first(race: Race) -> bool:
 
 
 def _enter_proximal(race: Race) -> bool:
-    return not interior_leads(race) and not interior_opens(race) and proximal_is_due(race)
+    if interior_leads(race) or interior_opens(race):
+        return False
+    return swept_at_the_door(race) or proximal_is_due(race)
 
 
 def _share_of_sweeps(race: Race) -> float:
@@ -327,6 +341,8 @@ def automatic(problem: LocalProblem, r: FloatArray, monitor: Monitor, options: A
         if iterate.status in (Status.SOLVED, Status.TIME_LIMIT):
             return iterate
         problem, r = problem.whole, iterate.r
+    if monitor.unproven:
+        options = replace(options, without=(*options.without, "proof"))
     answer, runners = first_alone(problem, r, monitor, options, STAGES)
     if answer is not None:
         return answer

@@ -15,6 +15,7 @@ from fcsim.linear._block_rows_kernels import own_blocks, row_patterns
 from fcsim.linear.storage import REAL, REFERENCE
 from fcsim.problem._cone_kernels import cone_projection
 from fcsim.problem._judge_kernels import squared_natural_residual
+from fcsim.solvers.automatic.closed import UNLIKE
 from fcsim.solvers.automatic.costs import LP_STEPS, NEWTON_STEPS, PASSES
 from fcsim.solvers.automatic.costs import ONE_CONTACT as OPERATIONS
 from fcsim.solvers.gauss_seidel._sweep_kernels import change_to_await_next
@@ -148,7 +149,7 @@ def solve_automatically(
     largest = split_compliances(diagonal[:, :d, :d].copy())
     if not np.all(largest > 0.0):
         return NOT_HERE, 0, 0, zero, q, 0.0, 0.0, 0.0, none
-    turns, own = 2, alone
+    turns, own, last_sweeps = 2, alone, np.any(start) or np.max(compliance) > UNLIKE * np.min(compliance)
     if nc > FEWEST and nc < (LOOSE if d == 3 else LOOSE_2D) * row_patterns(starts, columns):
         turns, first, own = 1, max(first, FIRST_IN_BEDS), (min(alone[0], ALONE_IN_BEDS), alone[1], alone[2])
     rho, order, frozen = np.ascontiguousarray(1.0 / largest[:, :2]), np.arange(nc), np.zeros(nc, dtype=np.int64)
@@ -220,6 +221,10 @@ def solve_automatically(
                 return SOLVED, sweeps + inside, rows, admissible, u, scale, scaled, plain, found
             u, scaled, plain, found = judged(W, q, mu, compliance, found_r, d)
             return SOLVED, sweeps + inside, rows, found_r, u, scale, scaled, plain, found
+        if turns == 1 and not last_sweeps:  # an interior point comes next: of 24 beds that it had left sweeps solved none
+            if found_error < least:
+                least, best = found_error, found_r
+            break
         far = min(found_error, least) > FAR
         if far and turn == 1 and turns == 2 and done == 0 and alone[2] * price > PROOF:
             if found_error < least:

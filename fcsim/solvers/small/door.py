@@ -43,14 +43,17 @@ SETTLED = (_gauss_seidel_kernels.NOT_HERE, _gauss_seidel_kernels.SOLVED)
 
 @dataclass(frozen=True, eq=False)
 class Left:
-    """The best iterate r (m,) of a call that found no answer, from which `auto` goes on in the general way, and its iterations."""
+    """The best iterate r (m,) of a call that found no answer, from which `auto` goes on in the general way, its iterations, and whether a
+    proof that there is no solution was tried."""
 
     r: FloatArray
     iterations: int
+    unproven: bool
 
     def noted(self, monitor: Monitor, u: FloatArray) -> None:
         """Have it count as an iterate of the general way; u (m,): its velocities."""
         monitor.iterations += self.iterations
+        monitor.passed, monitor.unproven = True, self.unproven
         monitor.record(self.r, u)
 
 
@@ -63,7 +66,7 @@ def small(
     """
     if overridden or not _fits(problem, chosen, r):
         return None
-    automatically, certified = chosen.run is automatic, None
+    automatically, certified, far = chosen.run is automatic, None, False
     q = problem.q
     begun = time.perf_counter()
     start = np.zeros(len(q)) if r is None else r
@@ -80,8 +83,8 @@ def small(
         velocities = len(q) if problem.motion is None else problem.motion.M.shape[0]
         rules = AUTO_LOOK, AUTO_FIRST, AUTO_ALONE, AUTO_NEWTON, AUTO_BUDGET, velocities
         out = _automatic_kernels.solve_automatically(*arguments, *solving, *rules, 0, rows)
-        if out[0] not in SETTLED and out[2] and rows[: out[2], 1].min() > _automatic_kernels.FAR:
-            certified = certificate(problem)
+        far = out[0] not in SETTLED and out[2] > 0 and bool(rows[: out[2], 1].min() > _automatic_kernels.FAR)
+        certified = certificate(problem) if far else None
         if out[0] == _automatic_kernels.NO_ANSWER_YET and certified is None:
             noted, arguments = out[2], (*arguments[:3], out[3], *arguments[4:])
             out = _automatic_kernels.solve_automatically(*arguments, *solving, *rules, out[1], rows[noted:])
@@ -90,7 +93,7 @@ def small(
         out = _gauss_seidel_kernels.solve_by_sweeps(*arguments, OPTIONS.max_iterations, *solving, FULL_AT_LEAST_EVERY, rows)
     ended, sweeps, noted, answer, u, scale, scaled, plain, found = out
     if automatically and ended != _gauss_seidel_kernels.SOLVED and certified is None:
-        return Left(answer, sweeps) if answer.any() and np.isfinite(answer).all() else None
+        return Left(answer, sweeps, far) if answer.any() and np.isfinite(answer).all() else None
     if ended == _gauss_seidel_kernels.NOT_HERE:
         return None
     errors = relative(scaled, scale), relative(plain, scale)

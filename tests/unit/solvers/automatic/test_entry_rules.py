@@ -169,6 +169,26 @@ UNLIKE = np.array([1.0, 1001.0])
 
 
 @pytest.mark.parametrize(
+    ("changes", "sweeps", "interior", "proximal"),
+    [
+        ({}, False, True, False),
+        ({"passed": False}, True, False, False),
+        ({"compliance": UNLIKE}, True, False, False),
+        ({"symmetric": False}, True, False, True),  # W with noise: no interior point before it
+        ({"small": False}, False, False, True),  # blocks, in their velocities
+        ({"small": False, "in_velocities": False}, True, False, False),
+        ({"small": False, "regular": True, "motion": object()}, False, False, False),  # joints with stiffness: Newton
+        ({"small": False, "warm": True, "points": 2.9}, False, False, False),
+    ],
+)
+def test_what_the_front_door_leaves_begins_without_sweeps(changes: dict[str, Any], sweeps: bool, interior: bool, proximal: bool) -> None:
+    race = state(**{"best": NEAR, "small": True, "passed": True, **changes})
+    assert stages._enter_sweeps(race) is sweeps
+    assert later.enter_interior(race) is interior
+    assert stages._enter_proximal(race) is proximal
+
+
+@pytest.mark.parametrize(
     ("changes", "proximal", "zero", "interior"),
     [
         ({}, newton(iterations=20), True, False),

@@ -11,7 +11,7 @@ from fcsim.bench.families import problems
 from fcsim.linear._block_rows_kernels import block_rows_of_dense, row_patterns
 from fcsim.problem.reduction import reduced
 from fcsim.solvers import solve
-from fcsim.solvers.automatic import closed
+from fcsim.solvers.automatic import closed, methods
 from fcsim.solvers.automatic.costs import Prices
 from fcsim.solvers.automatic.race import Race, Runner, Stage
 from fcsim.solvers.automatic.stages import AutomaticOptions
@@ -73,5 +73,36 @@ def test_the_front_door_leaves_a_bed_for_an_interior_point(monkeypatch: pytest.M
     monkeypatch.setattr(door._automatic_kernels, "solve_automatically", called)
     found = solve(problems("frictions", 100, 10_001), tol=1e-6)
     assert found.solved and found.error <= 1e-6
-    assert begun[-1] == "interior point" and "proximal Newton" not in begun
+    assert begun == ["interior point"]
     assert calls[0][1] < 2500  # sweeps and Newton's iterations: with two Newtons and the sweeps between and after them 4157
+
+
+@pytest.mark.parametrize(("family", "seed", "after"), [("spheres", 13_006, False), ("mass-ratios", 13_005, True)])
+def test_the_front_door_sweeps_after_newton_where_masses_are_unlike(
+    family: str, seed: int, after: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Told by its history: sweeps are looked at after 25 each, Newton once."""
+    kernel, rows = door._automatic_kernels.solve_automatically, []
+
+    def called(*arguments: Any) -> Any:
+        out = kernel(*arguments)
+        rows.append(arguments[-1][: out[2], 0].copy())
+        return out
+
+    monkeypatch.setattr(door._automatic_kernels, "solve_automatically", called)
+    assert solve(problems(family, 100, seed), tol=1e-8).solved
+    steps = np.diff(rows[0])
+    assert np.any(steps[-2:] % 25) is np.bool_(not after)
+
+
+def test_no_proof_is_looked_for_twice(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A bed that the front door leaves above 1e-3, where it has found no proof that there is no solution."""
+    looked: list[str] = []
+
+    def noted(name: str) -> Any:
+        return lambda problem: looked.append(name)
+
+    for place in (door, methods):
+        monkeypatch.setattr(place, "certificate", noted(place.__name__.rpartition(".")[2]))
+    assert solve(problems("noise", 100, 13_010), tol=1e-8).solved
+    assert looked == ["door"]
