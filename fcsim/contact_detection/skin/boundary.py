@@ -33,9 +33,9 @@ def boundary_of(model: Model) -> Boundary:
     return _boundary(model, model.bodies)
 
 
-def boundary_of_deformable(model: Model) -> Boundary:
-    """The same of the deformable bodies alone; as many places a facet as corners, 2 in 2D."""
-    found = _boundary(model, model.deformable)
+def boundary_of_meshed(model: Model) -> Boundary:
+    """The same of all bodies that have facets, those of exact shape have none; as many places a facet as corners, 2 in 2D."""
+    found = _boundary(model, [body for body in model.bodies if isinstance(body, Body) or body.surfaces])
     return found._replace(facets=found.facets[:, : 2 if model.dimension == 2 else 4])
 
 
@@ -49,10 +49,11 @@ def joined_by_facets(model: Model, nodes: IntArray) -> sp.csr_array:
 
 
 def _boundary(model: Model, bodies: Sequence[Body | RigidBody]) -> Boundary:
-    """The facets of the model's first bodies."""
+    """The facets of some of the model's bodies, in their order."""
     known: dict[Part, IntArray] = {}
+    numbers = np.array([model.number[body.name] for body in bodies], dtype=np.int64)
     found = [np.empty((0, 4), dtype=np.int64)]
-    for number, body in enumerate(bodies):
+    for number, body in zip(numbers.tolist(), bodies, strict=True):
         if isinstance(body, Body):
             if body.part not in known:
                 known[body.part] = _of_cells(body.part)
@@ -62,7 +63,7 @@ def _boundary(model: Model, bodies: Sequence[Body | RigidBody]) -> Boundary:
         wide = np.pad(facets, ((0, 0), (0, 4 - facets.shape[1])), constant_values=-1)
         found.append(np.where(wide < 0, -1, wide + model.node_offset[number]))
     facets = np.concatenate(found)
-    body_of_facet = np.repeat(np.arange(len(bodies)), [len(f) for f in found[1:]])
+    body_of_facet = np.repeat(numbers, [len(f) for f in found[1:]])
     return Boundary(facets, body_of_facet, (facets >= 0).sum(axis=1))
 
 

@@ -1,4 +1,4 @@
-"""What is said of deformable bodies that roll on the corners between their facets: each corner that comes down is an impact."""
+"""What is said of bodies that roll on the corners between their facets: each corner that comes down is an impact."""
 
 from __future__ import annotations
 
@@ -7,9 +7,10 @@ import numpy as np
 from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.assembly.kinematics.deformation import Deformation
 from fcsim.assembly.model import Model
-from fcsim.contact_detection.skin.boundary import boundary_of_deformable
-from fcsim.contact_detection.surfaces.model_surfaces import bulges_of_all_chords
+from fcsim.contact_detection.skin.boundary import boundary_of_meshed
+from fcsim.contact_detection.surfaces.model_surfaces import bulges_of_all_chords, bulges_of_surface
 from fcsim.contact_detection.surfaces.surface import ContactSurface
+from fcsim.problem import STICK
 from fcsim.timestep.remarks.of_laws.carried_round import has_turned
 from fcsim.timestep.step import Step
 
@@ -23,9 +24,11 @@ class Corners:
     """The remark on the first round body that lost more than `TAKEN` of the energy there to its own corners: call it with steps in turn.
 
     A body of facets of length L that rolls at omega turns about the corner that bears until the next one comes down, with up to omega L
-    where a curve would with 0. What contact takes of that is r_N times the mean of u_N before and after; counted are the contacts of round
-    places (`bulges_of_all_chords`: facets at less than 45 degrees to each other) that come down no faster; stiff bodies hop from corner to
-    corner. Falls and blows are faster, and a block that rocks on its edges has no round places.
+    where a curve would with 0, and along the plane as fast where it pivots. What contact takes of that is r times the mean of u before and
+    after; counted are the contacts of round places that come down no faster, and those that stick and came along no faster; stiff bodies
+    hop from corner to corner. Falls and blows are faster, and a block that rocks on its edges has no round places: facets at less than 45
+    degrees to each other are chords of a deformable body's curve (`bulges_of_all_chords`), of a rigid one, which may be meant as a
+    polyhedron, evident curves at less than 23 alone (`bulges_of_surface`).
     """
 
     def __init__(self) -> None:
@@ -36,14 +39,14 @@ class Corners:
 
     def __call__(self, step: Step, found: Deformation, when: str, said: frozenset[str]) -> dict[str, str]:
         """The remark by its kind; {} where there is none, or where it is `said`."""
-        model, soft = step.model, len(step.model.deformable)
-        if "corners" in said or not step.scheme.timing.moving or not soft or not has_turned(step, found):
+        model, number = step.model, len(step.model.bodies)
+        if "corners" in said or not step.scheme.timing.moving or not has_turned(step, found):
             return {}
         if self._round is None:
-            self._round, self._bore = _round_places(model), np.zeros(soft, dtype=bool)
-            self._has_round = np.add.reduceat(self._round[: model.node_offset[soft]], model.node_offset[:soft]) > 0
-            self._taken, self._turned = np.zeros(soft), np.zeros(soft)
-        if not self._round.any():
+            self._round, self._bore = _round_places(model), np.zeros(number, dtype=bool)
+            self._has_round = np.bincount(model.body_of_node, self._round, number) > 0
+            self._taken, self._turned = np.zeros(number), np.zeros(number)
+        if not self._has_round.any():
             return {}
         self._look(step, self._round)
         share = np.where(self._turned > ROLLED, self._taken, 0.0) / max(step.ledger.supplied, 1e-300)
@@ -53,48 +56,52 @@ class Corners:
         return {
             "corners": f"{when}: {model.bodies[worst].name!r} rolls on the corners between its facets, and where they come down contact "
             f"has taken {self._taken[worst]:.3g} J, {100 * share[worst]:.2g} % of the energy there; what is round loses none. What helps: "
-            "more facets, twice as many lose about half, or an exact shape, rigid_cylinder or rigid_sphere with ExactContacts "
+            "smaller facets, of half the length they lose about half, or an exact shape, rigid_cylinder or rigid_sphere with ExactContacts "
             "(docs/contact_rules.md)"
         }
 
     def _look(self, step: Step, round_: FloatArray) -> None:
         """Add what the corners of each body have taken in the step, and how far it has turned."""
-        contacts, meeting, soft = step.contacts, step.encounter.meeting, len(self._bore)
-        shape = contacts.frame.shape[:2]
-        force = step.encounter.forces(step.encounter.reaction(step.result.r))[:, 0]
-        rows = np.flatnonzero(force > 0)
+        model, contacts, meeting, number = step.model, step.contacts, step.encounter.meeting, len(self._bore)
+        force = step.encounter.forces(step.encounter.reaction(step.result.r))
+        rows = np.flatnonzero(force[:, 0] > 0)
         bodies = contacts.bodies[rows]
-        self._bore |= self._has_round & np.isin(np.arange(soft), bodies)
-        rate, those = np.zeros(soft), np.flatnonzero(self._bore)
-        if not len(those):
+        self._bore |= self._has_round & np.isin(np.arange(number), bodies)
+        if not self._bore.any():
             return
-        rate[those] = turning_rates(step.model, step.state.x, step.state.v, those)
+        rate, soft = np.zeros(number), len(model.deformable)
+        rate[soft:] = np.linalg.norm(model.rigid_part(step.state.v)[:, model.dimension :], axis=1)
+        if len(those := np.flatnonzero(self._bore[:soft])):
+            rate[those] = turning_rates(model, step.state.x, step.state.v, those)
         self._turned += step.scheme.h * step.substeps * rate
-        down = -meeting.before[rows, 0]
-        up = step.encounter.relative(step.state.v).reshape(shape)[rows, 0]
-        work = force[rows] * (meeting.timing.theta * up - (1.0 - meeting.timing.theta) * down)
+        before, after = meeting.before[rows], step.encounter.relative(step.state.v).reshape(force.shape)[rows]
+        work = force[rows] * (meeting.timing.theta * after + (1.0 - meeting.timing.theta) * before)
+        down, along = -before[:, 0], np.linalg.norm(before[:, 1:], axis=1)
+        along[step.contact_status[rows] != STICK] = np.inf
         nodes = contacts.nodes[rows]
         for side, sign in enumerate((1.0, -1.0)):
             own = (nodes >= 0) & (sign * contacts.weights[rows] > 0)
             length = np.where(own, round_[nodes], 0.0).max(axis=1)
             body = bodies[:, side]
-            those = (body < soft) & (length > 0) & (down > 0)
-            those[those] = down[those] <= rate[body[those]] * length[those]
-            self._taken -= np.bincount(body[those], work[those], minlength=soft)
+            fastest = rate[body] * length
+            for rolls, taken in (((down > 0) & (down <= fastest), work[:, 0]), (along <= fastest, work[:, 1:].sum(axis=1))):
+                rolls &= length > 0
+                self._taken -= np.bincount(body[rolls], taken[rolls], minlength=number)
 
 
 def _round_places(model: Model) -> FloatArray:
-    """(n_nodes,) [m] The longest side of the facets of deformable bodies at a node where their curve goes outwards, 0 elsewhere."""
-    skin, longest = boundary_of_deformable(model), np.zeros(model.n_nodes)
-    bulge = bulges_of_all_chords(model, ContactSurface(skin.facets, skin.body))
-    if bulge is None:
-        return longest
-    facets = skin.facets[(bulge > 0).any(axis=(1, 2))]
-    after = np.roll(facets, -1, axis=1)
-    after = np.where(after < 0, facets[:, :1], after)
-    length = np.linalg.norm(model.reference[facets] - model.reference[after], axis=2)
-    length[facets < 0] = 0.0
-    np.maximum.at(longest, facets[facets >= 0], np.broadcast_to(length.max(axis=1)[:, None], facets.shape)[facets >= 0])
+    """(n_nodes,) [m] The longest side of the facets at a node where their curve goes outwards, 0 elsewhere."""
+    skin, longest, soft = boundary_of_meshed(model), np.zeros(model.n_nodes), len(model.deformable)
+    for kind, bulges_of in ((skin.body < soft, bulges_of_all_chords), (skin.body >= soft, bulges_of_surface)):
+        bulge = bulges_of(model, ContactSurface(skin.facets[kind], skin.body[kind]))
+        if bulge is None:
+            continue
+        facets = skin.facets[kind][(bulge > 0).any(axis=(1, 2))]
+        after = np.roll(facets, -1, axis=1)
+        after = np.where(after < 0, facets[:, :1], after)
+        length = np.linalg.norm(model.reference[facets] - model.reference[after], axis=2)
+        length[facets < 0] = 0.0
+        np.maximum.at(longest, facets[facets >= 0], np.broadcast_to(length.max(axis=1)[:, None], facets.shape)[facets >= 0])
     return longest
 
 
