@@ -21,12 +21,10 @@ from fcsim.arrays import FloatArray
 from fcsim.errors import InputError
 from fcsim.problem import LocalProblem
 from fcsim.problem.distributed import DistributedDelassus
-from fcsim.solvers.automatic import methods
+from fcsim.solvers.automatic import admm, methods
 from fcsim.solvers.automatic.closed import (
     closed,
-    edges,
     elastic_joints,
-    faces,
     held_as_blocks,
     in_bed,
     on_springs,
@@ -34,8 +32,8 @@ from fcsim.solvers.automatic.closed import (
     swept_at_the_door,
 )
 from fcsim.solvers.automatic.costs import Prices
-from fcsim.solvers.automatic.expected import FAR, at_first, dearer_than_newton, opening, sweeps_lead_on, swept
-from fcsim.solvers.automatic.first import JOINTS_SHARE, newton_first, proximal_first, proximal_is_due, splitting_first
+from fcsim.solvers.automatic.expected import FAR, at_first, dearer_than_newton, opening, swept
+from fcsim.solvers.automatic.first import newton_first, proximal_first, proximal_is_due, splitting_first
 from fcsim.solvers.automatic.later import (
     BESIDE,
     beside_interior,
@@ -47,7 +45,6 @@ from fcsim.solvers.automatic.later import (
     enter_proof,
     exhausted,
     interior_alone,
-    interior_is_first,
     interior_leads,
     interior_opens,
     on_a_path,
@@ -56,10 +53,9 @@ from fcsim.solvers.automatic.later import (
 from fcsim.solvers.automatic.nearby import first_alone
 from fcsim.solvers.automatic.over_ranks import automatic_over_ranks
 from fcsim.solvers.automatic.pause import run_with_pauses
-from fcsim.solvers.automatic.race import LITTLE, SLOWING, Race, RaceOptions, Runner, ShareOfMonitor, Stage
+from fcsim.solvers.automatic.race import LITTLE, Race, RaceOptions, Runner, Stage
 from fcsim.solvers.base import Iterate, Monitor, Status
 from fcsim.solvers.newton.systems.condensed import last_pattern
-from fcsim.solvers.turns import Turns
 
 SWEEPS_BESIDE = 0.1
 """What sweeps spend beside proximal Newton where edges or faces hold one another: of 400 such problems they solved 7 once that had
@@ -69,18 +65,6 @@ PATHS_ALONE = 2.0
 28 arches and walls in 2D)."""
 PROOF_SHARE = 4.0
 """Times what a proof costs that others may spend before it goes first."""
-TO_REST = 1.4
-"""Factor by which the last third of ADMM's iterations brings its velocities down where bodies come to rest. Its error then stays where it
-is, above 1, and is nothing at once, as that of projections onto sets that meet; where bodies move its velocities stay as they are."""
-RESTING = 120
-"""Iterations within which each tenfold fall of those velocities comes where ADMM is the quickest: 35 to 110 on six arches that stood after
-96 to 317; 220 on an arch and a wall that took it 8629 and 812."""
-BEHIND = 10.0
-"""Times the best error beyond which ADMM's own is far behind."""
-EDGES_ALONE = 800
-"""Contacts in edges up to which ADMM waits for proximal Newton's end: 28 arches and walls in 2D of 300 and 600 contacts took 1.1 to 1.3
-times as long with it beside the others, at most 1.1 times without; of 1000 and 1400 some without it 1.5 and 4.6 times. It takes some 100
-to 300 iterations where bodies come to rest, however many they are; proximal Newton more the more there are."""
 LAST = 40
 """Iterations that Fischer-Burmeister's Newton must be able to take, from both its starts together."""
 PLATEAU = 50
@@ -101,58 +85,6 @@ class AutomaticOptions(RaceOptions):
 def _newton(race: Race) -> float:
     """The price of an iteration of Newton from here."""
     return race.prices.newton(closed(race))
-
-
-def _share(race: Race) -> int:
-    return race.options.splitting if race.joints is None else JOINTS_SHARE
-
-
-def _enter_splitting(race: Race) -> bool:
-    if not race.options.splitting:
-        return False
-    if race.best <= FAR:
-        return False
-    if splitting_first(race):
-        return True
-    if _proximal_before_splitting(race) or (race.warm and sweeps_lead_on(race)):
-        return False
-    cost, share = SLOWING * swept(race), race.options.splitting
-    return cost > race.prices.least_splitting(share) and cost > race.prices.splitting(share)
-
-
-def _proximal_before_splitting(race: Race) -> bool:
-    """Whether proximal Newton has still to show what it does before ADMM enters: where it eliminates in the bodies' velocities, which takes
-    no longer than 20 to 30 of ADMM's iterations, few of which get on where bodies move. Where joints hold more than the bodies' velocities
-    they often come to rest, for which ADMM is the cheaper one: there it waits for as much as its own first iterations cost, and in edges of
-    few bodies for proximal Newton's end. Piles in joints
-    of rigid bodies it seldom solves: there it waits for proximal Newton's own iterations and the cost of all that it takes in joints."""
-    runner = race.runners.get("proximal Newton")
-    if race.joints is not None:
-        return proximal_first(race) and (runner is None or _has_still_to_spend(race, runner, JOINTS_SHARE))
-    if not race.prices.in_velocities or "proximal Newton" in race.options.without:
-        return False
-    if runner is None or (faces(race) and interior_is_first(race)) or (runner.result is None and on_springs(race)):
-        return True
-    if runner.result is None and not race.warm and race.problem.nc <= EDGES_ALONE and edges(race):
-        return True
-    if runner.result is not None or not at_first(runner):
-        return False
-    return race.warm or not singular_here(race) or runner.spent < race.prices.splitting(race.options.splitting)
-
-
-def _has_still_to_spend(race: Race, runner: Runner, iterations: int) -> bool:
-    """Whether proximal Newton goes on and is in its own iterations, or has spent less than ADMM's factor and so many iterations cost."""
-    return runner.result is None and (at_first(runner) or runner.spent < race.prices.splitting(iterations))
-
-
-def _on_track(race: Race, runner: Runner) -> bool:
-    """Each share of iterations brought the error down tenfold, and the last third of them down at all (in joints it swings longer); or all
-    comes to rest."""
-    if runner.rest(1 / 3) > TO_REST and (race.joints is not None or RESTING * runner.slowed() >= runner.monitor.iterations):
-        return True
-    if runner.decades() < runner.monitor.iterations // _share(race):
-        return False
-    return race.joints is not None or runner.monitor.iterations < 0.5 * _share(race) or runner.gain(1 / 3) > 1.0
 
 
 def _enter_sweeps(race: Race) -> bool:
@@ -191,19 +123,9 @@ def _share_of_sweeps(race: Race) -> float:
     return LITTLE if beside_interior(race) else 1.0
 
 
-def _share_of_splitting(race: Race) -> float:
-    """ADMM does not take up another's iterate: near a solution and far behind the best one it has little hope, whatever its rate."""
-    behind = race.best < FAR and race.runners["splitting"].monitor.best > BEHIND * race.best
-    return LITTLE if behind else 1.0
-
-
 def _share_in_beds(race: Race) -> float:
     """Of paths and least squares: in beds from zero proximal Newton and an interior point share alike, others a quarter."""
     return LITTLE if in_bed(race) else 1.0
-
-
-def _splitting(race: Race, monitor: ShareOfMonitor) -> Turns:
-    return methods.splitting(race, monitor, methods.SPLITTING if race.joints is None else methods.SPLITTING_OF_JOINTS)
 
 
 def _plateau(race: Race, runner: Runner) -> bool:
@@ -229,13 +151,13 @@ STAGES: tuple[Stage, ...] = (
         "ADMM. Enters far from a solution where the sweeps need more than its factor costs, in joints where Newton costs more; after "
         "proximal Newton's first iterations where that is in the bodies' velocities. "
         "Goes on alone as long as each share of iterations brings the error down tenfold.",
-        enters=_enter_splitting,
-        turns=_splitting,
+        enters=admm.enters,
+        turns=admm.turns,
         price=lambda race: race.prices.admm,
-        alone=_on_track,
+        alone=admm.on_track,
         steady=lambda race: True,
-        left=lambda race, runner: (race.joints is not None or beside_interior(race)) and not _on_track(race, runner),
-        share=_share_of_splitting,
+        left=lambda race, runner: (race.joints is not None or beside_interior(race)) and not admm.on_track(race, runner),
+        share=admm.share,
     ),
     Stage(
         "Newton",

@@ -12,7 +12,7 @@ import pytest
 from fcsim.bench.families import problems
 from fcsim.problem import GlobalProblem
 from fcsim.problem.reduction import reduce
-from fcsim.solvers.automatic import closed, expected, later, stages
+from fcsim.solvers.automatic import admm, closed, expected, later, stages
 from tests.unit.solvers.automatic.states import AFAR, EDGES_HELD, ENDED, FACES_HELD, INF, LOOSE, NEAR, STILL, Shown, newton, state
 
 pytestmark = pytest.mark.usefixtures("what_is_held_is_written_down")
@@ -275,7 +275,7 @@ def test_an_interior_point_in_blocks_goes_before_paths_and_admm(changes: dict[st
     race.without = (*race.without, "proof")
     assert later.enter_paths(race) is not first
     if race.best > 1e-3 and race.joints is None:
-        assert stages._enter_splitting(race) is not first
+        assert admm.enters(race) is not first
 
 
 @pytest.mark.parametrize(

@@ -18,7 +18,7 @@ from fcsim.problem import Delassus, LocalProblem
 from fcsim.problem.judge import natural_map_residual
 from fcsim.problem.reduction import reduce
 from fcsim.solvers import solve
-from fcsim.solvers.automatic import closed, stages
+from fcsim.solvers.automatic import admm, closed, stages
 from fcsim.solvers.automatic.costs import Prices
 from fcsim.solvers.automatic.expected import EDGES, FACES, LOOSE, PROXIMAL_ALONE, Expected, proximal_newton
 from fcsim.solvers.automatic.race import Race, Runner, ShareOfMonitor, Stage, run
@@ -146,7 +146,7 @@ def test_admm_goes_on_alone_where_bodies_come_to_rest(monkeypatch: pytest.Monkey
     p = reduce(problems("arches", 1000, 42)).local
     seeing = solve(p, "auto", without=("interior point",))
     assert seeing.solved and np.linalg.norm(seeing.u) < 1e-6 * np.linalg.norm(p.q)
-    monkeypatch.setattr(stages, "TO_REST", np.inf)
+    monkeypatch.setattr(admm, "TO_REST", np.inf)
     blind = solve(p, "auto", without=("interior point",))
     assert blind.solved and seeing.iterations < blind.iterations
 
