@@ -33,9 +33,6 @@ TURNED = 0.2
 SLID, BENT = 1e-2, 1e-4
 """Of the smaller body: what slides by less in a load step has the contacts of its beginning; gaps that are off by less are as meant."""
 
-FITTING = 0.1
-"""Of those, between meshes: surfaces that fit each other, a ring that turns in its casing, are pressed by little of their size."""
-
 _ASKED = 32
 """Pairs of bodies whose depth on the way of a load step is looked at; of more, the others are held on the way."""
 
@@ -61,7 +58,7 @@ def came_together(setup: StepSetup, state: State, met: Encounter, after: State) 
         released = np.concatenate([released, np.unique(np.sort(held.bodies[passed], axis=1), axis=0)])
         again = asked_again(model, setup.scheme, state, met, held.take(~passed))
         return replace(again, ending=met.ending, released=released)
-    if len(anew := _bent(met, there, begin, end, isinstance(innermost(detection), ExactContacts))):
+    if isinstance(innermost(detection), ExactContacts) and len(anew := _bent(met, there, begin, end)):
         found = back_at(begin, detection, there.take(_of_pairs(there, anew)), end)
         return _with(setup, state, met, held.take(~_of_pairs(held, anew)), found, there)
     found, ending = _closed(met, _met_far(model, met, detection, end - begin), end), met.ending
@@ -107,32 +104,26 @@ def _passed(met: Encounter, there: Contacts, end: FloatArray) -> BoolArray:
     return np.asarray(passed & np.where(known, np.append(there.gap, 0.0)[place] > THROWN * size, ahead | ~along))
 
 
-def _bent(met: Encounter, there: Contacts, begin: FloatArray, end: FloatArray, exact: bool) -> IntArray:
-    """The pairs of bodies (n, 2) whose gaps bend on the way from positions `begin` to `end` (n_nodes, d) [m], where contacts `there` are: a
-    ball that slides by s along a face keeps its depth, where the law of a place beside its foot has it s^2 / 2R deeper or less deep; so does
-    a ring that turns in its casing.
+def _bent(met: Encounter, there: Contacts, begin: FloatArray, end: FloatArray) -> IntArray:
+    """The pairs of bodies (n, 2) of exact shapes whose gaps bend on the way from positions `begin` to `end` (n_nodes, d) [m], where
+    contacts `there` are: a ball that slides by s along a face keeps its depth, where the law of a place beside its foot has it s^2 / 2R
+    deeper or less deep.
 
     Pairs that bear have their contacts where the step ends then, by their weights and normals there. What goes twice `FAR` has them by what
-    it meets on its way, but for meshes' contacts that last and turn by less than `TURNED`; joints with stiffness remember where they
-    began, and keep that.
+    it meets on its way; joints with stiffness remember where they began, and keep that.
     """
     held = met.meeting.contacts
     far = float(np.linalg.norm(np.ptp(end - begin, axis=0))) > 2.0 * FAR * float(met.meeting.proportions.size.min(initial=np.inf))
-    if met.compliance is not None or (far and exact) or not len(held) or not len(there):
+    if met.compliance is not None or far or not len(held):
         return np.empty((0, 2), dtype=np.int64)
     size = met.meeting.proportions.size_at(held)
-    counts = BORNE * size
-    size = size if exact else FITTING * size
     meant = brought_back(held, end).gap
     place, known = places(there.identity, held.identity)
-    place = np.where(known, place, 0)
-    off = np.where(known, np.abs(there.gap[place] - meant), np.inf)
+    off = np.where(known, np.abs(np.append(there.gap, 0.0)[place] - meant), np.inf)
     moved = np.einsum("ak,akd->ad", np.where(held.nodes < 0, 0.0, held.weights), (end - begin)[held.nodes])
     along, *beside = np.einsum("aid,ad->ia", held.frame, moved)
     slid = np.linalg.norm(beside, axis=0)
-    lasts = known & (np.einsum("ad,ad->a", there.frame[place, 0], held.frame[:, 0]) > np.cos(TURNED))
-    bears = (meant < counts) & (lasts | (not far)) | ((not exact) & lasts & (there.gap[place] < -counts))
-    wrong = bears & (slid > np.maximum(SLID * size, np.abs(along))) & (off > BENT * size) & ~held.cables
+    wrong = (meant < BORNE * size) & (slid > np.maximum(SLID * size, np.abs(along))) & (off > BENT * size) & ~held.cables
     return np.unique(np.sort(held.bodies[wrong], axis=1), axis=0)
 
 
