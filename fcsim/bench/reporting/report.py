@@ -39,7 +39,7 @@ def write_report(
     results      the folder or file that the comparison was read from: the table itself and convergence plots in the folder are embedded
     collections  folders of problems with manifest.csv, README.md and pictures, as far as they are there
     against      results of another bench, which the section "Problem by problem" sets beside this one
-    Raises InputError for a collection that is not a folder, see also `explorer_section`.
+    Raises InputError for a collection that is not a folder or holds no problems, see also `explorer_section`.
     """
     for folder in collections:
         if not folder.is_dir():
