@@ -174,7 +174,7 @@ def _compose(options: argparse.Namespace) -> int:
 
 
 def _say_of(selection: Selection, solver: str) -> None:
-    """What a selection holds, on the terminal."""
+    """What a selection holds, on the terminal or in the answer in JSON."""
     from fcsim.collection.readme import one_a_problem
 
     rows = one_a_problem(selection.entries)

@@ -38,7 +38,7 @@ class Encounter:
               there are none
     moments   (n_dofs, 2 nc) contact matrix of rolling moments, (n_dofs, 3 nc) with spinning resistance; None without either, see
               `rolling_rows`
-    passing   what the law leaves out and the bodies would go through within the step, see `passing`; None where there is nothing
+    passing   what the law leaves out and the bodies would go through within the step, see `detected.passing`; None where there is nothing
     ending    (n, 2) pairs of bodies that a load step of statics carries over each other, held where they end it, `look_ahead.load_steps`
     linkage   the links that it knows of, None where there are none
     released  (n, 2) pairs of bodies of which contacts of the beginning were taken out, since they bore what had gone apart
