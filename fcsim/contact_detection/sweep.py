@@ -49,8 +49,9 @@ def with_swept(
 
     Of one identity that counts which was found nearest to where it closes; what is in contact now stays as it is. One that would still be
     open by more than `alert` [m] at the end of the motion is left out, and so is what a vertex that has gone through a face seen before
-    touches from within: deep inside, the nearest face is not the one by which it came. body_of (n_nodes,): the nodes' bodies, where
-    contacts have an area.
+    touches from within: deep inside, the nearest face is not the one by which it came. Edges go through as well: what lies deeper at the
+    beginning than anything of the same two bodies does, by more than `alert`, and only opens along the motion, is the far side of what was
+    gone through. body_of (n_nodes,): the nodes' bodies, where contacts have an area.
     """
     found, off = [now], [np.full(len(now), -1.0)]
     through = np.empty(0, dtype=np.int64)
@@ -67,8 +68,11 @@ def with_swept(
         closes = brought_back(there, positions + displacement).gap
         entered = there.take((there.gap >= 0) & (closes < 0) & (np.count_nonzero(_slaves(there), axis=1) == 1))
         through = np.union1d(through, _passages(entered)[_slaves(entered)])
-        found.append(brought_back(there, positions).take(closes <= alert))
-        off.append(np.abs(there.gap)[closes <= alert])
+        before = brought_back(there, positions)
+        behind = (before.gap < deepest_of(now, before) - alert) & (closes > before.gap)
+        meant = (closes <= alert) & ~behind
+        found.append(before.take(meant))
+        off.append(np.abs(there.gap)[meant])
     if len(found) == 1 and np.all(now.identity[1:] > now.identity[:-1]):
         return now
     every = join([now, *(bounded(swept, now) for swept in found[1:])])
@@ -145,13 +149,18 @@ def bounded(contacts: Contacts, here: Contacts) -> Contacts:
     The normal of a face that turns is not yet that of where it was found: a gap brought back along it may be negative where nothing
     overlaps, and what nothing overlaps by is not to be borne.
     """
+    return replace(contacts, gap=np.maximum(contacts.gap, deepest_of(here, contacts)))
+
+
+def deepest_of(here: Contacts, contacts: Contacts) -> FloatArray:
+    """The gaps (nc,) [m] of the deepest contacts `here` between the bodies of each of `contacts`, 0 where none is deep."""
     deepest = np.minimum(here.gap, 0.0)
     pair, first = np.unique(_pair(here), return_inverse=True)
     least = np.zeros(len(pair) + 1)
     np.minimum.at(least, first, deepest)
     place = np.searchsorted(pair, _pair(contacts))
     known = np.append(pair, -1)[place] == _pair(contacts)
-    return replace(contacts, gap=np.maximum(contacts.gap, np.where(known, least[place], 0.0)))
+    return np.where(known, least[place], 0.0)
 
 
 def _pair(contacts: Contacts) -> IntArray:

@@ -25,7 +25,7 @@ _OTHER_GRAVITY = 2.0  # times g, or its part, is another unit of length, or anot
 _ALONG, _FLAT, _LAYERS = 0.9, 0.5, 3  # of a normal, of height and width, blocks on each other: a wall that lies on its side
 _CANCELS = 1e-6  # of the largest load: what is left of loads that cancel, by a program's digits
 _LARGE = 20.0  # [m] stones that are larger, in the median, are given in another unit: of 25 cm in cm or mm
-_LIGHTEST = 30.0  # [kg/m^3] of no stone, but one in g/cm^3 or kN/m^3 has less
+_LIGHTEST, _HEAVIEST = 30.0, 12e3  # [kg/m^3] one in g/cm^3 or kN/m^3 has less, one in N/m^3 more than lead, 11.3e3
 _STEEPEST, _RIGHT = 5.0, 90.0  # friction of no stone, tan 79 degrees, and degrees that an angle of friction has less of
 _BEARS = 1e-3  # of the multiplier: what edges add that is said
 _NAMED = 5  # blocks that are named before "and n more"
@@ -114,15 +114,26 @@ def _of_units(problem: MasonryProblem) -> list[str]:
             f"blocks are {np.median(extents):.4g} m large in the median: are lengths in mm or cm? Multipliers of accelerations are the "
             "same, forces, times and displacements are not"
         )
-    light = [block for block in problem.blocks if not block.support and block.density is not None and block.density < _LIGHTEST]
-    if light:
-        said.append(
-            f"density {light[0].density:g} kg/m^3 of {light[0].name!r} is that of no stone: is it in g/cm^3 (1 is 1000 kg/m^3) or kN/m^3 "
-            "(1 is 102 kg/m^3)?"
-        )
+    if GRAVITY / _OTHER_GRAVITY < g < GRAVITY * _OTHER_GRAVITY:  # with another all units may be others
+        said += _of_densities(problem)
     for mu in sorted({problem.mu, *problem.between.values()}):
         if _STEEPEST < mu < _RIGHT:
             said.append(f"mu {mu:g} is that of no stone: if it is the angle of friction in degrees, mu is {np.tan(np.deg2rad(mu)):.4g}")
+    return said
+
+
+def _of_densities(problem: MasonryProblem) -> list[str]:
+    """Densities that are none of stones."""
+    said = []
+    free = [(block.name, block.density) for block in problem.blocks if not block.support and block.density is not None]
+    light, heavy = [each for each in free if each[1] < _LIGHTEST], [each for each in free if each[1] > _HEAVIEST]
+    for found, asked in (
+        (light, "in g/cm^3 (1 is 1000 kg/m^3) or kN/m^3 (1 is 102 kg/m^3)"),
+        (heavy, "a weight in N/m^3 (1 is 0.102 kg/m^3)"),
+    ):
+        if found:
+            name, density = found[0]
+            said.append(f"density {density:g} kg/m^3 of {name!r} is that of no stone: is it {asked}?")
     return said
 
 

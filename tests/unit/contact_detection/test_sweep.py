@@ -46,6 +46,20 @@ def test_what_is_brought_back_is_no_deeper_than_what_overlaps() -> None:
     assert_allclose(brought_back(deeper, model.reference).gap.min(), 1e-3, atol=1e-12)
 
 
+@pytest.mark.parametrize("far", [0.02, 0.03])
+def test_a_thin_bar_on_its_way_through_another_meets_the_side_that_it_comes_from(far: float) -> None:
+    """Beyond the middle of 5 mm the other side is nearer: it was held shut at once, against its own side 12 mm away, and no reactions keep
+    both apart."""
+    w, apart = 5e-3, 12.1e-3
+    model = build_model([rigid_box("a", (2.0, w, w), (0.0, 0.0, 0.0), 1.0), rigid_box("b", (w, 2.0, w), (0.13, 0.17, -w - apart), 1.0)])
+    way = np.zeros((model.n_nodes, 3))
+    way[model.node_offset[1] :, 2] = far
+    found = Everything(model, 0.3)(model.reference, way)
+    assert len(found) == 4
+    assert_allclose(found.gap, apart, atol=1e-12)
+    assert_allclose(found.frame[:, 0], np.tile([0.0, 0.0, 1.0], (4, 1)), atol=1e-12)
+
+
 @pytest.mark.parametrize("rule", ["mortar", "mortar-faces", "segments"])
 @pytest.mark.parametrize(("begin", "way"), [((0.0, 0.0, 0.0), (0.45, 0.3, 0.0)), ((0.0, 0.0, 0.3), (0.0, 0.0, -0.35))])
 def test_what_a_face_meets_on_its_way_has_its_area_once(rule: Any, begin: tuple[float, ...], way: tuple[float, ...]) -> None:

@@ -119,6 +119,16 @@ def test_an_ellipsoid_of_facets_that_spins_is_named() -> None:
     assert 0.3 * (energies[0] - energies[-1]) < lost < 1.05 * (energies[0] - energies[-1])
 
 
+def test_a_rock_of_random_points_is_no_curve() -> None:
+    """It loses energy as a polyhedron does, and was asked for smaller facets."""
+    points = np.random.default_rng(3).normal(size=(60, 3))
+    points *= 0.1 / np.linalg.norm(points, axis=1)[:, None]
+    floor = rigid_box("floor", (4.0, 4.0, 0.1), (1.0, 0.0, points[:, 2].min() - 0.05), 1.0)
+    said, energies = begun([floor, rigid_polyhedron("rock", points, 2500.0)], [1.0, 0.0, 0.0, 0.0, 10.0, 0.0], 0.8, 45)
+    assert not said
+    assert energies[-1] < 0.7 * energies[0]
+
+
 def calls(wheels: int) -> int:
     """How many calls, of Python's and of C's functions, the remark makes in the tenth step of so many wheels that roll."""
     floor = rigid_rectangle("floor", (wheels + 3.0, 0.2), (0.5 * wheels, -0.1), 1.0)

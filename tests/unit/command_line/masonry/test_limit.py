@@ -73,12 +73,15 @@ def test_what_is_no_option_is_not_advised(tmp_path: Path, capsys: pytest.Capture
 
 
 def test_a_density_in_other_units_is_asked_about(tmp_path: Path) -> None:
-    """2.2 is that of stone in g/cm^3, 22 in kN/m^3; 2200 is not asked about."""
+    """2.2 is that of stone in g/cm^3, 22 in kN/m^3, 22000 in N/m^3; 2200 is not asked about, nor is 1 under a gravity of 1."""
     problem = pushed(one_block(0.4, 1.0, 0.3), (1.0, 0.0, 0.0))
-    for density, asked in ((2.2, True), (22.0, True), (2200.0, False)):
+    for density, asked in ((2.2, True), (22.0, True), (22e3, True), (2200.0, False)):
         blocks = tuple(block if block.support else replace(block, density=density, mass=None) for block in problem.blocks)
         said = " ".join(remarks(analyse(replace(problem, blocks=blocks)), None))
         assert (f"density {density:g} kg/m^3 of " in said) == asked
+    blocks = tuple(block if block.support else replace(block, density=1.0, mass=None) for block in problem.blocks)
+    loads = tuple(replace(load, value=(0.0, 0.0, -1.0)) if load.value[2] else load for load in problem.loads)
+    assert "density" not in " ".join(remarks(analyse(replace(problem, blocks=blocks, loads=loads)), None))
 
 
 def test_a_folder_for_one_number_is_refused_before_it_is_computed(
