@@ -64,7 +64,7 @@ def looked_ahead(setup: StepSetup, state: State, met: Encounter, v: FloatArray, 
     """Return the encounter of a step with what its answer v (n_dofs,) and the state after it show; None where all is as it was meant."""
     model, detection, scheme, timing = setup.model, setup.detection, setup.scheme, setup.scheme.timing
     if not timing.moving:
-        return came_together(setup, state, met, after)
+        return came_together(setup, state, met, v, after)
     if not (_found_late(setup, met, after) or _may_miss(setup, state, met, v, after)):
         return None
     held = met.meeting.contacts

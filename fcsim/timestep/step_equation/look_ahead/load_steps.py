@@ -33,13 +33,16 @@ TURNED = 0.2
 SLID, BENT = 1e-2, 1e-4
 """Of the smaller body: what slides by less in a load step has the contacts of its beginning; gaps that are off by less are as meant."""
 
+OF_FITS = 0.1
+"""Of `SLID`, and its square of `BENT`, between meshes: interferences of what fits are that small, and turning opens with its square."""
+
 _ASKED = 32
 """Pairs of bodies whose depth on the way of a load step is looked at; of more, the others are held on the way."""
 
 _BODIES = 1 << 31  # more than there are
 
 
-def came_together(setup: StepSetup, state: State, met: Encounter, after: State) -> Encounter | None:
+def came_together(setup: StepSetup, state: State, met: Encounter, v: FloatArray, after: State) -> Encounter | None:
     """The encounter of a load step of statics with the contacts that it did not begin with and ends in each other; None where none do.
 
     A support or a load may carry a body from afar, beyond where contacts are looked for, into another one or through it: without this
@@ -58,9 +61,16 @@ def came_together(setup: StepSetup, state: State, met: Encounter, after: State) 
         released = np.concatenate([released, np.unique(np.sort(held.bodies[passed], axis=1), axis=0)])
         again = asked_again(model, setup.scheme, state, met, held.take(~passed))
         return replace(again, ending=met.ending, released=released)
-    if isinstance(innermost(detection), ExactContacts) and len(anew := _bent(met, there, begin, end)):
-        found = back_at(begin, detection, there.take(_of_pairs(there, anew)), end)
-        return _with(setup, state, met, held.take(~_of_pairs(held, anew)), found, there)
+    exact = isinstance(innermost(detection), ExactContacts)
+    if len(anew := _bent(met, there, begin, end, exact)):
+        found = there.take(_of_pairs(there, anew))
+        held = held.take(~_of_pairs(held, anew))
+        if exact:
+            return _with(setup, state, met, held, back_at(begin, detection, found, end), there)
+        met = replace(met, arms=_turned_arms(model, state, met, after, anew))
+        return _with(
+            setup, state, met, held, replace(found, gap=brought_back(found, begin).gap), there, end - model.node_velocity(v, met.arms)
+        )
     found, ending = _closed(met, _met_far(model, met, detection, end - begin), end), met.ending
     found = found.take(~_of_pairs(found, ending))
     if len(found):
@@ -75,13 +85,34 @@ def came_together(setup: StepSetup, state: State, met: Encounter, after: State) 
         found = back_at(begin, detection, found, end)
     if not len(found):
         return None
-    return replace(_with(setup, state, met, held, found, there), ending=ending)
+    straight = None if met.arms is None else end - model.node_velocity(v, met.arms)
+    return replace(_with(setup, state, met, held, found, there, straight), ending=ending)
 
 
-def _with(setup: StepSetup, state: State, met: Encounter, held: Contacts, found: Contacts, there: Contacts) -> Encounter:
-    """The encounter `met` with the contacts `held` of it and those that were `found` on the way, or `there`, at its end."""
-    again = asked_again(setup.model, setup.scheme, state, met, with_met(held, found, there, setup.model.body_of_node))
+def _with(
+    setup: StepSetup, state: State, met: Encounter, held: Contacts, found: Contacts, there: Contacts, straight: FloatArray | None = None
+) -> Encounter:
+    """The encounter `met` with the contacts `held` of it and those that were `found` on the way, or `there`, at its end.
+
+    straight (n_nodes, d) [m]: from where nodes would have come to the end as they move by the lever arms of `met`, from which gaps of the
+    bodies that have turned them are taken: g(x + v) = g + H^T v there."""
+    every = with_met(held, found, there, setup.model.body_of_node)
+    if straight is not None and met.arms is not None:
+        turned = (setup.model.rigid_part(met.arms) != setup.model.rigid_part(state.x)).any(axis=1)
+        of = np.append(np.zeros(len(setup.model.deformable), dtype=bool), turned)[every.bodies].any(axis=1)
+        every = replace(every, gap=np.where(of, brought_back(every, straight).gap, every.gap))
+    again = asked_again(setup.model, setup.scheme, state, met, every)
     return replace(again, ending=met.ending, released=met.released)
+
+
+def _turned_arms(model: Model, state: State, met: Encounter, after: State, pairs: IntArray) -> FloatArray:
+    """(n_dofs,) the configuration of the lever arms with that of the end for rigid bodies of the pairs (n, 2): a force along a normal of the
+    end would turn a wheel, did it act where the wheel had the point at the beginning. Deformable ones are in balance at the end."""
+    arms = (state.x if met.arms is None else met.arms).copy()
+    rigid = np.unique(pairs) - len(model.deformable)
+    rigid = rigid[rigid >= 0]
+    model.rigid_part(arms)[rigid] = model.rigid_part(after.x)[rigid]
+    return arms
 
 
 def _passed(met: Encounter, there: Contacts, end: FloatArray) -> BoolArray:
@@ -104,27 +135,48 @@ def _passed(met: Encounter, there: Contacts, end: FloatArray) -> BoolArray:
     return np.asarray(passed & np.where(known, np.append(there.gap, 0.0)[place] > THROWN * size, ahead | ~along))
 
 
-def _bent(met: Encounter, there: Contacts, begin: FloatArray, end: FloatArray) -> IntArray:
-    """The pairs of bodies (n, 2) of exact shapes whose gaps bend on the way from positions `begin` to `end` (n_nodes, d) [m], where
-    contacts `there` are: a ball that slides by s along a face keeps its depth, where the law of a place beside its foot has it s^2 / 2R
-    deeper or less deep.
+def _bent(met: Encounter, there: Contacts, begin: FloatArray, end: FloatArray, exact: bool) -> IntArray:
+    """The pairs of bodies (n, 2) whose gaps bend on the way from positions `begin` to `end` (n_nodes, d) [m], where contacts `there` are: a
+    ball that slides by s along a face keeps its depth, where the law of a place beside its foot has it s^2 / 2R deeper or less deep; as
+    does a ring that turns in its casing. exact: whether shapes are.
 
     Pairs that bear have their contacts where the step ends then, by their weights and normals there. What goes twice `FAR` has them by what
-    it meets on its way; joints with stiffness remember where they began, and keep that.
+    it meets on its way, but for meshes' contacts that last and turn by less than `TURNED`; joints with stiffness remember where they
+    began, and keep that.
     """
     held = met.meeting.contacts
     far = float(np.linalg.norm(np.ptp(end - begin, axis=0))) > 2.0 * FAR * float(met.meeting.proportions.size.min(initial=np.inf))
-    if met.compliance is not None or far or not len(held):
+    if met.compliance is not None or (far and exact) or not len(held) or not len(there):
         return np.empty((0, 2), dtype=np.int64)
     size = met.meeting.proportions.size_at(held)
     meant = brought_back(held, end).gap
     place, known = places(there.identity, held.identity)
-    off = np.where(known, np.abs(np.append(there.gap, 0.0)[place] - meant), np.inf)
+    place = np.where(known, place, 0)
+    off = np.where(known, np.abs(there.gap[place] - meant), np.inf)
     moved = np.einsum("ak,akd->ad", np.where(held.nodes < 0, 0.0, held.weights), (end - begin)[held.nodes])
     along, *beside = np.einsum("aid,ad->ia", held.frame, moved)
     slid = np.linalg.norm(beside, axis=0)
-    wrong = (meant < BORNE * size) & (slid > np.maximum(SLID * size, np.abs(along))) & (off > BENT * size) & ~held.cables
+    bears = meant < BORNE * size
+    if not exact:  # what is open by contacts of the beginning may bear by those of the end
+        lasts = known & (np.einsum("ad,ad->a", there.frame[place, 0], held.frame[:, 0]) > np.cos(TURNED))
+        bears = lasts & (bears | (there.gap[place] < -BORNE * size))
+    least = 1.0 if exact else OF_FITS
+    wrong = bears & (slid > np.maximum(least * SLID * size, np.abs(along))) & (off > least**2 * BENT * size) & ~held.cables
     return np.unique(np.sort(held.bodies[wrong], axis=1), axis=0)
+
+
+def turned_too_far(met: Encounter, there: Contacts, end: FloatArray) -> bool:
+    """Whether a load step that ended with contacts `met` at positions `end` (n_nodes, d) [m] has let meshes overlap that its law holds apart,
+    since they have turned by more than `TURNED`: what is `there` is that deep by normals that the step knows nothing of."""
+    held = met.meeting.contacts
+    if met.compliance is not None or not len(held) or not len(there):
+        return False
+    place, known = places(there.identity, held.identity)
+    place = np.where(known, place, 0)
+    turned = known & (np.einsum("ad,ad->a", there.frame[place, 0], held.frame[:, 0]) < np.cos(TURNED)) & ~held.cables
+    least = BORNE * met.meeting.proportions.size_at(held)
+    turned &= there.gap[place] < -least
+    return bool(turned.any()) and bool((turned & (brought_back(held, end).gap > -0.5 * least)).any())
 
 
 def _slid_over(met: Encounter, way: Contacts, there: Contacts, detection: Detection, begin: FloatArray, end: FloatArray) -> IntArray:
