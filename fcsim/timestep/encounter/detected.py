@@ -127,7 +127,7 @@ def _under_law(
 def asked_again(
     model: Model, scheme: Scheme, state: State, met: Encounter, contacts: Contacts, bend: FloatArray | None = None
 ) -> Encounter:
-    """Ask the law about other contacts of the same step, at the positions, with the memory and with the lever arms of `met`; bend (nc,) [m]:
+    """Ask the law about other contacts of the same step, at the positions, with the memory and the lever arms of `met`; bend (nc,) [m]:
     see `Meeting`."""
     before = met.meeting
     told = LawInput(before.proportions, before.variables, bend, before.trial, met.linkage, met.drift)

@@ -106,8 +106,8 @@ def _with(
 
 
 def _turned_arms(model: Model, state: State, met: Encounter, after: State, pairs: IntArray) -> FloatArray:
-    """(n_dofs,) the configuration of the lever arms with that of the end for rigid bodies of the pairs (n, 2): a force along a normal of the
-    end would turn a wheel, did it act where the wheel had the point at the beginning. Deformable ones are in balance at the end."""
+    """(n_dofs,) the configuration of the lever arms with that of the end for rigid bodies of the pairs (n, 2): a force along a normal of
+    the end would turn a wheel, did it act where the wheel had the point at the beginning. Deformable ones are in balance at the end."""
     arms = (state.x if met.arms is None else met.arms).copy()
     rigid = np.unique(pairs) - len(model.deformable)
     rigid = rigid[rigid >= 0]
@@ -166,8 +166,8 @@ def _bent(met: Encounter, there: Contacts, begin: FloatArray, end: FloatArray, e
 
 
 def turned_too_far(met: Encounter, there: Contacts, end: FloatArray) -> bool:
-    """Whether a load step that ended with contacts `met` at positions `end` (n_nodes, d) [m] has let meshes overlap that its law holds apart,
-    since they have turned by more than `TURNED`: what is `there` is that deep by normals that the step knows nothing of."""
+    """Whether a load step that ended with contacts `met` at positions `end` (n_nodes, d) [m] has let meshes overlap that its law holds
+    apart, since they have turned by more than `TURNED`: what is `there` is that deep by normals that the step knows nothing of."""
     held = met.meeting.contacts
     if met.compliance is not None or not len(held) or not len(there):
         return False
