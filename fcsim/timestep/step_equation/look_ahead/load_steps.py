@@ -36,13 +36,18 @@ SLID, BENT = 1e-2, 1e-4
 OF_FITS = 0.1
 """Of `SLID`, and its square of `BENT`, between meshes: interferences of what fits are that small, and turning opens with its square."""
 
+_LOST = 0.01
+"""Of how far contact deforms bodies: what turning opens by less is left to the step."""
+
 _ASKED = 32
 """Pairs of bodies whose depth on the way of a load step is looked at; of more, the others are held on the way."""
 
 _BODIES = 1 << 31  # more than there are
 
 
-def came_together(setup: StepSetup, state: State, met: Encounter, v: FloatArray, after: State) -> Encounter | None:
+def came_together(
+    setup: StepSetup, state: State, met: Encounter, v: FloatArray, after: State, reactions: FloatArray | None = None
+) -> Encounter | None:
     """The encounter of a load step of statics with the contacts that it did not begin with and ends in each other; None where none do.
 
     A support or a load may carry a body from afar, beyond where contacts are looked for, into another one or through it: without this
@@ -62,7 +67,8 @@ def came_together(setup: StepSetup, state: State, met: Encounter, v: FloatArray,
         again = asked_again(model, setup.scheme, state, met, held.take(~passed))
         return replace(again, ending=met.ending, released=released)
     exact = isinstance(innermost(detection), ExactContacts)
-    if len(anew := _bent(met, there, begin, end, exact)):
+    anew = _bent(met, there, begin, end) if exact else _turned_apart(model, met, there, after, end, reactions)
+    if len(anew):
         found = there.take(_of_pairs(there, anew))
         held = held.take(~_of_pairs(held, anew))
         if exact:
@@ -135,34 +141,62 @@ def _passed(met: Encounter, there: Contacts, end: FloatArray) -> BoolArray:
     return np.asarray(passed & np.where(known, np.append(there.gap, 0.0)[place] > THROWN * size, ahead | ~along))
 
 
-def _bent(met: Encounter, there: Contacts, begin: FloatArray, end: FloatArray, exact: bool) -> IntArray:
-    """The pairs of bodies (n, 2) whose gaps bend on the way from positions `begin` to `end` (n_nodes, d) [m], where contacts `there` are: a
-    ball that slides by s along a face keeps its depth, where the law of a place beside its foot has it s^2 / 2R deeper or less deep; as
-    does a ring that turns in its casing. exact: whether shapes are.
+def _bent(met: Encounter, there: Contacts, begin: FloatArray, end: FloatArray) -> IntArray:
+    """The pairs of bodies (n, 2) of exact shapes whose gaps bend on the way from positions `begin` to `end` (n_nodes, d) [m], where
+    contacts `there` are: a ball that slides by s along a face keeps its depth, where the law of a place beside its foot has it s^2 / 2R
+    deeper or less deep.
 
     Pairs that bear have their contacts where the step ends then, by their weights and normals there. What goes twice `FAR` has them by what
-    it meets on its way, but for meshes' contacts that last and turn by less than `TURNED`; joints with stiffness remember where they
-    began, and keep that.
+    it meets on its way; joints with stiffness remember where they began, and keep that.
     """
     held = met.meeting.contacts
     far = float(np.linalg.norm(np.ptp(end - begin, axis=0))) > 2.0 * FAR * float(met.meeting.proportions.size.min(initial=np.inf))
-    if met.compliance is not None or (far and exact) or not len(held) or not len(there):
+    if met.compliance is not None or far or not len(held) or not len(there):
         return np.empty((0, 2), dtype=np.int64)
     size = met.meeting.proportions.size_at(held)
     meant = brought_back(held, end).gap
     place, known = places(there.identity, held.identity)
-    place = np.where(known, place, 0)
-    off = np.where(known, np.abs(there.gap[place] - meant), np.inf)
-    moved = np.einsum("ak,akd->ad", np.where(held.nodes < 0, 0.0, held.weights), (end - begin)[held.nodes])
-    along, *beside = np.einsum("aid,ad->ia", held.frame, moved)
-    slid = np.linalg.norm(beside, axis=0)
-    bears = meant < BORNE * size
-    if not exact:  # what is open by contacts of the beginning may bear by those of the end
-        lasts = known & (np.einsum("ad,ad->a", there.frame[place, 0], held.frame[:, 0]) > np.cos(TURNED))
-        bears = lasts & (bears | (there.gap[place] < -BORNE * size))
-    least = 1.0 if exact else OF_FITS
-    wrong = bears & (slid > np.maximum(least * SLID * size, np.abs(along))) & (off > least**2 * BENT * size) & ~held.cables
+    off = np.where(known, np.abs(np.append(there.gap, 0.0)[place] - meant), np.inf)
+    along, slid = _ways(held, end - begin)
+    wrong = (meant < BORNE * size) & (slid > np.maximum(SLID * size, along)) & (off > BENT * size) & ~held.cables
     return np.unique(np.sort(held.bodies[wrong], axis=1), axis=0)
+
+
+def _turned_apart(model: Model, met: Encounter, there: Contacts, after: State, end: FloatArray, reactions: FloatArray | None) -> IntArray:
+    """The pairs of bodies (n, 2), one at least deformable, whose meshes turn on each other on the way to positions `end` (n_nodes, d) [m],
+    where contacts `there` are, so that those of the beginning open by R (1 - cos(angle)): a ring that turns in its casing would lose its
+    pressure. What that takes is beside twice the elastic energy over the sum of the `reactions` (m,), which is how far contact has deformed
+    the bodies. They have the contacts of the end then, which last and turn by less than `TURNED`; joints with stiffness do not.
+    """
+    held, nothing = met.meeting.contacts, np.empty((0, 2), dtype=np.int64)
+    if met.compliance is not None or reactions is None or not len(held) or not len(there) or not model.deformable:
+        return nothing
+    size, meant, moved = met.meeting.proportions.size_at(held), brought_back(held, end).gap, end - met.meeting.positions
+    place, known = places(there.identity, held.identity)
+    place = np.where(known, place, 0)
+    lasts = known & (np.einsum("ad,ad->a", there.frame[place, 0], held.frame[:, 0]) > np.cos(TURNED))
+    bears = lasts & ((meant < BORNE * size) | (there.gap[place] < -BORNE * size))  # what has opened may bear by those of the end
+    off = np.abs(there.gap[place] - meant)
+    along, slid = _ways(held, moved)
+    by_turning = turns(model, moved)[held.bodies].max(axis=1) > 0.5 * slid
+    elastic = held.bodies.min(axis=1) < len(model.deformable)
+    wrong = (
+        bears & by_turning & elastic & (slid > np.maximum(OF_FITS * SLID * size, along)) & (off > OF_FITS**2 * BENT * size) & ~held.cables
+    )
+    if not wrong.any():
+        return nothing
+    last = model.elastic.at(after.x)
+    force = float(met.forces(reactions)[:, 0].sum())
+    motion = 2.0 * model.elastic.energies(last, last)[0][1] / force if force > 0 else 0.0
+    wrong &= off > _LOST * motion
+    return np.unique(np.sort(held.bodies[wrong], axis=1), axis=0)
+
+
+def _ways(contacts: Contacts, moved: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """How far (nc,) [m] contacts go along their normals and beside them as nodes move by `moved` (n_nodes, d) [m]."""
+    way = np.einsum("ak,akd->ad", np.where(contacts.nodes < 0, 0.0, contacts.weights), moved[contacts.nodes])
+    along, *beside = np.einsum("aid,ad->ia", contacts.frame, way)
+    return np.abs(along), np.linalg.norm(beside, axis=0)
 
 
 def turned_too_far(met: Encounter, there: Contacts, end: FloatArray) -> bool:
