@@ -244,7 +244,7 @@ class Substep:
                 past = past.of_the_same_step(met.contacts, met.contacts, result.r)
                 equation = replace(equation, met=met, linked=links.rows)
                 continue
-            ahead = looked_ahead(self.setup, state, met, v, after) if looks < ROUNDS else None
+            ahead = looked_ahead(self.setup, state, met, v, after, met.reaction(result.r)) if looks < ROUNDS else None
             self.clock.lap("detection")
             if ahead is None and equation.elastic.proximal_mass and self._unstable(equation, answer, after):
                 return None

@@ -43,6 +43,7 @@ class Encounter:
     linkage   the links that it knows of, None where there are none
     released  (n, 2) pairs of bodies of which contacts of the beginning were taken out, since they bore what had gone apart
     drift     of what bore in the last step, None where it is not asked for
+    arms      (n_dofs,) configuration in which rigid bodies have the lever arms of H; None: that of detection
     """
 
     contacts: Contacts
@@ -57,6 +58,7 @@ class Encounter:
     ending: IntArray = field(default_factory=lambda: np.empty((0, 2), dtype=np.int64))
     released: IntArray = field(default_factory=lambda: np.empty((0, 2), dtype=np.int64))
     drift: Drift | None = None
+    arms: FloatArray | None = None
 
     __repr__ = brief
 

@@ -127,10 +127,12 @@ def _under_law(
 def asked_again(
     model: Model, scheme: Scheme, state: State, met: Encounter, contacts: Contacts, bend: FloatArray | None = None
 ) -> Encounter:
-    """Ask the law about other contacts of the same step, at the positions and with the memory of `met`; bend (nc,) [m]: see `Meeting`."""
+    """Ask the law about other contacts of the same step, at the positions, with the memory and the lever arms of `met`; bend (nc,) [m]:
+    see `Meeting`."""
     before = met.meeting
     told = LawInput(before.proportions, before.variables, bend, before.trial, met.linkage, met.drift)
-    return _under_law(model, scheme, state, contacts, before.positions, told, scheme.detection_configuration(model, state))
+    configuration = scheme.detection_configuration(model, state) if met.arms is None else met.arms
+    return replace(_under_law(model, scheme, state, contacts, before.positions, told, configuration), arms=met.arms)
 
 
 def _separated(H: sp.sparray, meeting: Meeting, apart: BoolArray, linked: BoolArray) -> tuple[Driven, sp.csc_array, Meeting]:

@@ -8,7 +8,7 @@ import numpy as np
 
 from fcsim.arrays import FloatArray
 from fcsim.assembly.model import Model
-from fcsim.contact_detection import Detection, Everything, ExactContacts, innermost
+from fcsim.contact_detection import Detection, Detector, Everything, ExactContacts, innermost
 from fcsim.contact_detection.contacts import Contacts
 from fcsim.contact_detection.sweep import bounded
 from fcsim.timestep.chain import Attempt
@@ -16,6 +16,7 @@ from fcsim.timestep.encounter import Encounter
 from fcsim.timestep.scheme import StepSetup
 from fcsim.timestep.state import State
 from fcsim.timestep.step_equation.look_ahead.lengths import moves, turns
+from fcsim.timestep.step_equation.look_ahead.load_steps import turned_too_far
 from fcsim.timestep.step_equation.loops.lost_contacts import Lost, lost
 
 LOOKED_AT = 1e-6
@@ -60,7 +61,8 @@ def at_end(setup: StepSetup, ends: tuple[State, State], began: Encounter, met: E
     if not scheme.timing.moving:
         found = detection(positions)
         gone = lost(model, began, found, model.positions(before.x), positions)
-        return AtEnd(_depth(found), False, gone)
+        meshes = isinstance(innermost(detection), Everything | Detector) and not model.nonlinear
+        return AtEnd(_depth(found), meshes and turned_too_far(met, found, positions), gone)
     moved = positions - met.meeting.positions
     if _has_others(model, detection, met, moved):
         deepest, deep = 0.0, True

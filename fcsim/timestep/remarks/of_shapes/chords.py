@@ -49,11 +49,11 @@ class Chords:
         detection, hollow, round_ = self._smooth
         now = step.encounter.meeting.contacts
         pressed = _of(hollow, round_, now) & (step.contact_force[:, 0] > 0)
-        there = detection(step.encounter.meeting.positions)
+        there, here = (of(step.encounter.meeting.positions) for of in (detection, self._detection))  # not those of the load step's end
         there = there.take(~_between(there, self._left_out))
         fits = there.take(_of(hollow, round_, there) & ((there.gap <= 0) | np.isin(there.identity, now.identity[pressed])))
-        at, known = places(now.identity, fits.identity)
-        own = np.append(now.gap, 0.0)[at]
+        at, known = places(here.identity, fits.identity)
+        own = np.append(here.gap, 0.0)[at]
         wrong = np.where(known, np.abs(fits.gap - own), np.maximum(-fits.gap, 0.0))  # what is not found is open
         force, least = float(step.contact_force[:, 0].sum()), BORNE * step.encounter.meeting.proportions.size
         motion = 2.0 * step.energy.elastic / force if force > 0 else 0.0

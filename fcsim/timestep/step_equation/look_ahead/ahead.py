@@ -60,11 +60,14 @@ _TURNED_ASIDE = 2e-3
 """Of the smallest body: velocities that impacts change by less than this over the step bring no new contact about."""
 
 
-def looked_ahead(setup: StepSetup, state: State, met: Encounter, v: FloatArray, after: State) -> Encounter | None:
-    """Return the encounter of a step with what its answer v (n_dofs,) and the state after it show; None where all is as it was meant."""
+def looked_ahead(
+    setup: StepSetup, state: State, met: Encounter, v: FloatArray, after: State, reactions: FloatArray | None = None
+) -> Encounter | None:
+    """Return the encounter of a step with what its answer v (n_dofs,) and the state after it show; None where all is as it was meant.
+    reactions (m,): of that answer, for statics."""
     model, detection, scheme, timing = setup.model, setup.detection, setup.scheme, setup.scheme.timing
     if not timing.moving:
-        return came_together(setup, state, met, after)
+        return came_together(setup, state, met, v, after, reactions)
     if not (_found_late(setup, met, after) or _may_miss(setup, state, met, v, after)):
         return None
     held = met.meeting.contacts

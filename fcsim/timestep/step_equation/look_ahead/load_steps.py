@@ -33,13 +33,21 @@ TURNED = 0.2
 SLID, BENT = 1e-2, 1e-4
 """Of the smaller body: what slides by less in a load step has the contacts of its beginning; gaps that are off by less are as meant."""
 
+OF_FITS = 0.1
+"""Of `SLID`, and its square of `BENT`, between meshes: interferences of what fits are that small, and turning opens with its square."""
+
+_LOST = 0.01
+"""Of how far contact deforms bodies: what turning opens by less is left to the step."""
+
 _ASKED = 32
 """Pairs of bodies whose depth on the way of a load step is looked at; of more, the others are held on the way."""
 
 _BODIES = 1 << 31  # more than there are
 
 
-def came_together(setup: StepSetup, state: State, met: Encounter, after: State) -> Encounter | None:
+def came_together(
+    setup: StepSetup, state: State, met: Encounter, v: FloatArray, after: State, reactions: FloatArray | None = None
+) -> Encounter | None:
     """The encounter of a load step of statics with the contacts that it did not begin with and ends in each other; None where none do.
 
     A support or a load may carry a body from afar, beyond where contacts are looked for, into another one or through it: without this
@@ -58,9 +66,17 @@ def came_together(setup: StepSetup, state: State, met: Encounter, after: State) 
         released = np.concatenate([released, np.unique(np.sort(held.bodies[passed], axis=1), axis=0)])
         again = asked_again(model, setup.scheme, state, met, held.take(~passed))
         return replace(again, ending=met.ending, released=released)
-    if isinstance(innermost(detection), ExactContacts) and len(anew := _bent(met, there, begin, end)):
-        found = back_at(begin, detection, there.take(_of_pairs(there, anew)), end)
-        return _with(setup, state, met, held.take(~_of_pairs(held, anew)), found, there)
+    exact = isinstance(innermost(detection), ExactContacts)
+    anew = _bent(met, there, begin, end) if exact else _turned_apart(model, met, there, after, end, reactions)
+    if len(anew):
+        found = there.take(_of_pairs(there, anew))
+        held = held.take(~_of_pairs(held, anew))
+        if exact:
+            return _with(setup, state, met, held, back_at(begin, detection, found, end), there)
+        met = replace(met, arms=_turned_arms(model, state, met, after, anew))
+        return _with(
+            setup, state, met, held, replace(found, gap=brought_back(found, begin).gap), there, end - model.node_velocity(v, met.arms)
+        )
     found, ending = _closed(met, _met_far(model, met, detection, end - begin), end), met.ending
     found = found.take(~_of_pairs(found, ending))
     if len(found):
@@ -75,13 +91,34 @@ def came_together(setup: StepSetup, state: State, met: Encounter, after: State) 
         found = back_at(begin, detection, found, end)
     if not len(found):
         return None
-    return replace(_with(setup, state, met, held, found, there), ending=ending)
+    straight = None if met.arms is None else end - model.node_velocity(v, met.arms)
+    return replace(_with(setup, state, met, held, found, there, straight), ending=ending)
 
 
-def _with(setup: StepSetup, state: State, met: Encounter, held: Contacts, found: Contacts, there: Contacts) -> Encounter:
-    """The encounter `met` with the contacts `held` of it and those that were `found` on the way, or `there`, at its end."""
-    again = asked_again(setup.model, setup.scheme, state, met, with_met(held, found, there, setup.model.body_of_node))
+def _with(
+    setup: StepSetup, state: State, met: Encounter, held: Contacts, found: Contacts, there: Contacts, straight: FloatArray | None = None
+) -> Encounter:
+    """The encounter `met` with the contacts `held` of it and those that were `found` on the way, or `there`, at its end.
+
+    straight (n_nodes, d) [m]: from where nodes would have come to the end as they move by the lever arms of `met`, from which gaps of the
+    bodies that have turned them are taken: g(x + v) = g + H^T v there."""
+    every = with_met(held, found, there, setup.model.body_of_node)
+    if straight is not None and met.arms is not None:
+        turned = (setup.model.rigid_part(met.arms) != setup.model.rigid_part(state.x)).any(axis=1)
+        of = np.append(np.zeros(len(setup.model.deformable), dtype=bool), turned)[every.bodies].any(axis=1)
+        every = replace(every, gap=np.where(of, brought_back(every, straight).gap, every.gap))
+    again = asked_again(setup.model, setup.scheme, state, met, every)
     return replace(again, ending=met.ending, released=met.released)
+
+
+def _turned_arms(model: Model, state: State, met: Encounter, after: State, pairs: IntArray) -> FloatArray:
+    """(n_dofs,) the configuration of the lever arms with that of the end for rigid bodies of the pairs (n, 2): a force along a normal of
+    the end would turn a wheel, did it act where the wheel had the point at the beginning. Deformable ones are in balance at the end."""
+    arms = (state.x if met.arms is None else met.arms).copy()
+    rigid = np.unique(pairs) - len(model.deformable)
+    rigid = rigid[rigid >= 0]
+    model.rigid_part(arms)[rigid] = model.rigid_part(after.x)[rigid]
+    return arms
 
 
 def _passed(met: Encounter, there: Contacts, end: FloatArray) -> BoolArray:
@@ -114,17 +151,66 @@ def _bent(met: Encounter, there: Contacts, begin: FloatArray, end: FloatArray) -
     """
     held = met.meeting.contacts
     far = float(np.linalg.norm(np.ptp(end - begin, axis=0))) > 2.0 * FAR * float(met.meeting.proportions.size.min(initial=np.inf))
-    if met.compliance is not None or far or not len(held):
+    if met.compliance is not None or far or not len(held) or not len(there):
         return np.empty((0, 2), dtype=np.int64)
     size = met.meeting.proportions.size_at(held)
     meant = brought_back(held, end).gap
     place, known = places(there.identity, held.identity)
     off = np.where(known, np.abs(np.append(there.gap, 0.0)[place] - meant), np.inf)
-    moved = np.einsum("ak,akd->ad", np.where(held.nodes < 0, 0.0, held.weights), (end - begin)[held.nodes])
-    along, *beside = np.einsum("aid,ad->ia", held.frame, moved)
-    slid = np.linalg.norm(beside, axis=0)
-    wrong = (meant < BORNE * size) & (slid > np.maximum(SLID * size, np.abs(along))) & (off > BENT * size) & ~held.cables
+    along, slid = _ways(held, end - begin)
+    wrong = (meant < BORNE * size) & (slid > np.maximum(SLID * size, along)) & (off > BENT * size) & ~held.cables
     return np.unique(np.sort(held.bodies[wrong], axis=1), axis=0)
+
+
+def _turned_apart(model: Model, met: Encounter, there: Contacts, after: State, end: FloatArray, reactions: FloatArray | None) -> IntArray:
+    """The pairs of bodies (n, 2), one at least deformable, whose meshes turn on each other on the way to positions `end` (n_nodes, d) [m],
+    where contacts `there` are, so that those of the beginning open by R (1 - cos(angle)): a ring that turns in its casing would lose its
+    pressure. What that takes is beside twice the elastic energy over the sum of the `reactions` (m,), which is how far contact has deformed
+    the bodies. They have the contacts of the end then, which last and turn by less than `TURNED`; joints with stiffness do not.
+    """
+    held, nothing = met.meeting.contacts, np.empty((0, 2), dtype=np.int64)
+    if met.compliance is not None or reactions is None or not len(held) or not len(there) or not model.deformable:
+        return nothing
+    size, meant, moved = met.meeting.proportions.size_at(held), brought_back(held, end).gap, end - met.meeting.positions
+    place, known = places(there.identity, held.identity)
+    place = np.where(known, place, 0)
+    lasts = known & (np.einsum("ad,ad->a", there.frame[place, 0], held.frame[:, 0]) > np.cos(TURNED))
+    bears = lasts & ((meant < BORNE * size) | (there.gap[place] < -BORNE * size))  # what has opened may bear by those of the end
+    off = np.abs(there.gap[place] - meant)
+    along, slid = _ways(held, moved)
+    by_turning = turns(model, moved)[held.bodies].max(axis=1) > 0.5 * slid
+    elastic = held.bodies.min(axis=1) < len(model.deformable)
+    wrong = (
+        bears & by_turning & elastic & (slid > np.maximum(OF_FITS * SLID * size, along)) & (off > OF_FITS**2 * BENT * size) & ~held.cables
+    )
+    if not wrong.any():
+        return nothing
+    last = model.elastic.at(after.x)
+    force = float(met.forces(reactions)[:, 0].sum())
+    motion = 2.0 * model.elastic.energies(last, last)[0][1] / force if force > 0 else 0.0
+    wrong &= off > _LOST * motion
+    return np.unique(np.sort(held.bodies[wrong], axis=1), axis=0)
+
+
+def _ways(contacts: Contacts, moved: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """How far (nc,) [m] contacts go along their normals and beside them as nodes move by `moved` (n_nodes, d) [m]."""
+    way = np.einsum("ak,akd->ad", np.where(contacts.nodes < 0, 0.0, contacts.weights), moved[contacts.nodes])
+    along, *beside = np.einsum("aid,ad->ia", contacts.frame, way)
+    return np.abs(along), np.linalg.norm(beside, axis=0)
+
+
+def turned_too_far(met: Encounter, there: Contacts, end: FloatArray) -> bool:
+    """Whether a load step that ended with contacts `met` at positions `end` (n_nodes, d) [m] has let meshes overlap that its law holds
+    apart, since they have turned by more than `TURNED`: what is `there` is that deep by normals that the step knows nothing of."""
+    held = met.meeting.contacts
+    if met.compliance is not None or not len(held) or not len(there):
+        return False
+    place, known = places(there.identity, held.identity)
+    place = np.where(known, place, 0)
+    turned = known & (np.einsum("ad,ad->a", there.frame[place, 0], held.frame[:, 0]) < np.cos(TURNED)) & ~held.cables
+    least = BORNE * met.meeting.proportions.size_at(held)
+    turned &= there.gap[place] < -least
+    return bool(turned.any()) and bool((turned & (brought_back(held, end).gap > -0.5 * least)).any())
 
 
 def _slid_over(met: Encounter, way: Contacts, there: Contacts, detection: Detection, begin: FloatArray, end: FloatArray) -> IntArray:

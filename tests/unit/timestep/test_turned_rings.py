@@ -1,0 +1,101 @@
+"""A ring with an interference that statics turn in its casing: it bears Lame's pressure and is braked by mu N, however far a step turns it.
+
+The contacts of a step's beginning open by R (1 - cos(angle)) as bodies turn: of an interference of 1e-3 R a step of 2.25
+degrees left 0.23, of 4.5 nothing. The pressure of both rings, held within and without, is that of `test_raised`.
+"""
+
+from __future__ import annotations
+
+from typing import Any, cast
+
+import numpy as np
+import pytest
+
+from fcsim import (
+    Body,
+    Detector,
+    DrivenRotation,
+    Everything,
+    Material,
+    Model,
+    QuasiStatic,
+    RigidBody,
+    Simulation,
+    Step,
+    Support,
+    SurfacePair,
+    Witness,
+    build_model,
+    contact_surface,
+)
+from fcsim.mesh import Part
+
+E, NU, A, B, C, INTERFERENCE, MU = 1e7, 0.3, 0.05, 0.1, 0.15, 1e-4, 0.3
+
+
+def lame(elastic: tuple[float, ...] = (A, C)) -> float:
+    """The force between the rings [N] a metre of their axis (G. Lame, 1852); elastic: the other radius of those that are."""
+    give = [B * abs(1 - k) / (E / (1 + NU) * (1 / (1 - 2 * NU) + k)) for k in ((other / B) ** 2 for other in elastic)]
+    return 2 * np.pi * B * INTERFERENCE / sum(give)
+
+
+def ring(name: str, inner: float, outer: float, around: int, first: float) -> Part:
+    angle, radius = first + 2 * np.pi * np.arange(around) / around, np.linspace(inner, outer, 4)
+    points = (radius[:, None, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)).reshape(-1, 2)
+    here, after = np.arange(around), np.roll(np.arange(around), -1)
+    cells = np.concatenate([np.stack([k + here, k + around + here, k + around + after, k + after], axis=1) for k in np.arange(3) * around])
+    surfaces = {"in": np.stack([after, here], axis=1), "out": 3 * around + np.stack([here, after], axis=1)}
+    return Part(name, points, cells, "quadrilateral", surfaces, Material(E, NU, 1000.0), elements="Q1-enhanced")
+
+
+def contact_between(model: Model, rule: str, mu: float) -> Any:
+    if rule == "Everything":
+        return Everything(model, mu)
+    surfaces = contact_surface(model, [("hub", "out")]), contact_surface(model, [("casing", "in")])
+    pair = SurfacePair(*surfaces, mu, 5e-3, cast(Any, rule), normals="smooth" if rule == "nodes" else "facet")
+    return Detector([pair], model.n_nodes)
+
+
+def torque_on_hub(step: Step) -> float:
+    """Of the contacts, about the axis [N m a metre]."""
+    contacts, force = step.contacts, np.einsum("ad,ade->ae", step.contact_force, step.contacts.frame)
+    on_hub = np.where(contacts.bodies[:, 0] == step.model.number["hub"], 1.0, -1.0)
+    return float(on_hub @ (contacts.point[:, 0] * force[:, 1] - contacts.point[:, 1] * force[:, 0]))
+
+
+@pytest.mark.parametrize("mu", [0.0, MU])
+@pytest.mark.parametrize("degrees", [0.5, 2.25, 9.0, 40.0])
+@pytest.mark.parametrize("rule", ["mortar", "nodes", "Everything"])
+def test_a_ring_turns_in_its_casing(rule: str, degrees: float, mu: float) -> None:
+    """What turns it has the moment of friction, none without: forces act where the ring is when they are in balance. Steps of more than a
+    fifth of a radian are cut."""
+    bodies = [Body("casing", ring("casing", B, C, 28, 0.03)), Body("hub", ring("hub", A, B + INTERFERENCE, 36, 0.0), kinematics="turning")]
+    turned = DrivenRotation("hub", lambda t: np.deg2rad(degrees) * max(t - 1.0, 0.0), (0.0, 0.0), surface="in")
+    model = build_model(bodies, supports=[Support("casing", ("x", "y"), "out"), turned])
+    steps = list(Simulation(model, contact_between(model, rule, mu), QuasiStatic(1.0), 3, witness=Witness(initial="allow")))
+    for step in steps:
+        assert step.contact_force[:, 0].sum() == pytest.approx(lame(), rel=0.02)
+        assert not any("fit each other" in said for said in step.remarks)
+    own = slice(*model.node_offset[[1, 2]])
+    place, held = model.positions(steps[-1].state.x)[own], steps[-1].support_impulse[: model.n_elastic].reshape(-1, 2)[own]
+    driving = (place[:, 0] * held[:, 1] - place[:, 1] * held[:, 0]).sum()
+    for moment in (driving, -torque_on_hub(steps[-1])):
+        assert moment / (B * lame()) == pytest.approx(mu, abs=0.005)
+
+
+@pytest.mark.parametrize("mu", [0.0, MU])
+@pytest.mark.parametrize("degrees", [1.0, 9.0, 40.0])
+@pytest.mark.parametrize("rule", ["mortar", "nodes"])
+def test_a_rigid_wheel_turns_in_a_ring(rule: str, degrees: float, mu: float) -> None:
+    """The lever arms of its contacts are those of where they bear: R sin(angle) less otherwise."""
+    angle, at = 2 * np.pi * np.arange(36) / 36, np.arange(36)
+    rim = (B + INTERFERENCE) * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    wheel = RigidBody("hub", 1.0, [[1.0]], [0.0, 0.0], rim, {"out": np.stack([at, np.roll(at, -1)], axis=1)})
+    speed = Support("hub", ("rz",), velocity=lambda t: np.deg2rad(degrees) if t > 1 else 0.0)
+    held = [Support("casing", ("x", "y"), "out"), Support("hub", ("x", "y")), speed]
+    model = build_model([Body("casing", ring("casing", B, C, 28, 0.03)), wheel], supports=held)
+    *_, last = Simulation(model, contact_between(model, rule, mu), QuasiStatic(1.0), 3, witness=Witness(initial="allow"))
+    assert last.contact_force[:, 0].sum() == pytest.approx(lame((C,)), rel=0.02)
+    moment = (last.H @ last.result.r)[model.dof_offset[model.number["hub"]] + 2]
+    for found in (moment, torque_on_hub(last)):
+        assert found / (B * lame((C,))) == pytest.approx(-mu, abs=0.005)
