@@ -11,6 +11,8 @@ from fcsim.contact_detection.general._foot_kernels import EDGE, INSIDE, VERTEX
 from fcsim.contact_detection.skin._rim_kernels import FACING, RIMS, Rims, Surroundings, bears_by_its_rim, covers
 
 _STEEP = 0.8  # sine of the slope
+_AT_AN_ANGLE = 0.7  # cosine between facets that are not of one face, whatever connects them
+_INNER = 0.05  # the same, of one face over another: a corner between two, not what strain bends
 _FLUSH, _DESCENDS = 0.9, 0.01  # cosine between a facet around a vertex and one that it lies flush with; sine of a slope
 _TIGHT = 1e-5  # of half a facet: what overlaps a face by more lies on its rim only where it is as near to that
 _OPPOSITE, _ACROSS = -0.9, 1e-3  # cosine of faces that look opposite ways; of a way out: nearer to the far face than this, it leads across
@@ -22,21 +24,48 @@ _ROLL = 10.0  # nearer to an edge than this times `near`, the direction from it 
 def _facing(v: int, n: Vector, s: Surroundings) -> float:
     """How squarely the surface around the vertex v faces the direction n: the largest -n_facet . n, or that of its mean (of a needle).
 
-    -1 where it is not v that touches there: where the surface goes on steeply against n from v, as in an inner corner, or descends although
-    another facet of v looks the same way as n: a sharp corner within a body, its side flush with that body's, does not leave by that side.
+    -1 where it is not v that touches there: where the surface goes on steeply against n from v, or descends from the inner corner of two
+    faces, or although another facet of v looks the same way as n: a sharp corner within a body, its side flush with that body's, does not
+    leave by that side.
     """
     best, lowest, flush = -dot(at(s.mean, v), n), 0.0, False
+    faced, squarest = -1, 0.0
     here = at(s.point, v)
     for k in range(s.first_star[v], s.first_star[v + 1]):
         g = s.star[k]
         cosine = dot(at(s.normals, g), n)
         best, flush = max(best, -cosine), flush or cosine > _FLUSH
+        if cosine < squarest:
+            faced, squarest = g, cosine
         for c in range(s.sides[g]):
             along = minus(at(s.point, s.facets[g, c]), here)
             rise = dot(along, n)
             if rise < 0.0:
                 lowest = min(lowest, rise / length(along))
-    return -1.0 if lowest < -_STEEP or (flush and lowest < -_DESCENDS) else best
+    if lowest < -_STEEP or (lowest < -_DESCENDS and (flush or (faced >= 0 and _in_front(v, faced, s)))):
+        return -1.0
+    return best
+
+
+@njit(cache=True)
+def _differ(f: int, g: int, s: Surroundings) -> bool:
+    """Whether two facets are of two faces, or of one that goes round to where they meet at an angle."""
+    return s.face[f] != s.face[g] or dot(at(s.normals, f), at(s.normals, g)) < _AT_AN_ANGLE
+
+
+@njit(cache=True)
+def _in_front(v: int, f: int, s: Surroundings) -> bool:
+    """Whether another face that ends in the vertex v rises in front of the facet f around it: v is in an inner corner."""
+    here, n = at(s.point, v), at(s.normals, f)
+    for k in range(s.first_star[v], s.first_star[v + 1]):
+        g = s.star[k]
+        if not _differ(f, g, s):
+            continue
+        for c in range(s.sides[g]):
+            along = minus(at(s.point, s.facets[g, c]), here)
+            if dot(along, n) > _INNER * length(along):
+                return True
+    return False
 
 
 @njit(cache=True)
@@ -63,17 +92,23 @@ def _pseudonormal(row: int, f: int, feature: int, normal: FloatArray, s: Surroun
 
 @njit(cache=True)
 def _in_a_corner(f: int, feature: int, s: Surroundings) -> bool:
-    """Whether a foot on the boundary of a facet lies where the surface rises steeply: in a concave edge, or at its end."""
+    """Whether a foot on the boundary of a facet lies where another face rises: in a concave edge, or at its end."""
     if feature == INSIDE:
         return False
     l = feature - EDGE if feature < VERTEX else feature - VERTEX
-    edge = s.facet_edges[f, l]
-    if not s.rim[edge] and not s.smooth[edge]:
+    if _concave(s.facet_edges[f, l], s):
         return True
     if feature < VERTEX or s.sides[f] == 2:
         return False
-    edge = s.facet_edges[f, l - 1 if l > 0 else s.sides[f] - 1]
-    return not s.rim[edge] and not s.smooth[edge]
+    return _concave(s.facet_edges[f, l - 1 if l > 0 else s.sides[f] - 1], s)
+
+
+@njit(cache=True)
+def _concave(edge: int, s: Surroundings) -> bool:
+    """Whether two faces meet in an edge and make an inner corner there."""
+    f, g = s.edge_facets[edge, 0], s.edge_facets[edge, 1]
+    step, n = minus(at(s.centres, g), at(s.centres, f)), minus(at(s.normals, f), at(s.normals, g))
+    return not s.rim[edge] and _differ(f, g, s) and dot(step, n) > 0.0
 
 
 @njit(cache=True)
@@ -194,7 +229,7 @@ def touched_facets(
             for other in range(kept, n_chosen):
                 g, h = facet[chosen[other]], facet[row]
                 step, ng, nh = minus(at(s.centres, h), at(s.centres, g)), at(s.normals, g), at(s.normals, h)
-                concave = concave and dot(step, ng) > tol and -dot(step, nh) > tol and dot(ng, nh) < 0.7
+                concave = concave and dot(step, ng) > tol and -dot(step, nh) > tol and _differ(g, h, s)
             if concave:
                 chosen[n_chosen], gap[n_chosen] = row, height[row]
                 N[n_chosen, 0], N[n_chosen, 1], N[n_chosen, 2] = at(normal, row)

@@ -25,7 +25,7 @@ from fcsim.contact_detection.general.overlap.overlaps import overlap_contacts
 from fcsim.contact_detection.general.smoothing import bulge_of, bulges_of_skin, of_both_sides, smoothed, smoothed_faces
 from fcsim.contact_detection.general.vertices import VertexContacts, vertex_contacts
 from fcsim.contact_detection.skin.boundary import boundary_of
-from fcsim.contact_detection.skin.closed_skin import closed_skin
+from fcsim.contact_detection.skin.closed_skin import closed_skin, faces_of
 from fcsim.contact_detection.skin.shape import shape_of
 from fcsim.contact_detection.skin.skin import Shape, Skin
 from fcsim.contact_detection.sweep import samples, with_swept
@@ -78,6 +78,7 @@ class Everything:
     _reference: Shape = field(init=False, repr=False)
     smoothed_bodies: BoolArray = field(init=False, repr=False)
     patches: IntArray = field(init=False, repr=False)
+    face: IntArray = field(init=False, repr=False)
     bulge: FloatArray | None = field(init=False, repr=False)
     _latest: list[tuple[FloatArray, tuple[Contacts, IntArray]]] = field(init=False, repr=False, default_factory=list)
 
@@ -109,6 +110,7 @@ class Everything:
             "smoothed_bodies": named | np.array([self.smooth and isinstance(body, Body) for body in model.bodies]),
             "patches": np.where(named[skin.facet_body], skin.side, skin.patch),
         }
+        values["face"] = faces_of(skin, reference.normal, values["smoothed_bodies"], values["patches"])
         values["bulge"] = bulge = bulges_of_skin(skin, reference, values["smoothed_bodies"], values["patches"])
         values["lengths"] = _lengths(skin, reference, len(model.deformable), self.alert, bulge)
         for name, value in values.items():
@@ -120,7 +122,8 @@ class Everything:
         other = copy(self)
         bulge = bulges_of_skin(skin, self._reference, every, skin.side, bulges_of_all_edges)
         lengths = _lengths(skin, self._reference, len(self.model.deformable), self.alert, bulge)
-        values: dict[str, object] = {"smoothed_bodies": every, "patches": skin.side, "bulge": bulge, "lengths": lengths, "_latest": []}
+        values: dict[str, object] = {"smoothed_bodies": every, "patches": skin.side, "face": skin.side, "bulge": bulge, "lengths": lengths}
+        values["_latest"] = []
         for name, value in values.items():
             object.__setattr__(other, name, value)
         return other
@@ -177,7 +180,7 @@ class Everything:
         if among is None:
             near = self._may_touch(near_bodies(shape.body_low, shape.body_high, self.lengths))
             among = with_folding(near, self.folding, self.lengths)
-        vertices, beyond, met = vertex_contacts(self.skin, shape, among, self._reference, len(self.model.deformable))
+        vertices, beyond, met = vertex_contacts(self.skin, shape, among, self._reference, len(self.model.deformable), self.face)
         vertices = shallow_vertices(self.skin, shape, among, vertices)
         edges = edge_contacts(self.skin, shape, among, vertices, self._reference, self.faces)
         edges = shallow_edges(self.skin, shape, among, edges)
@@ -245,18 +248,26 @@ class Everything:
                 skin.vertex_body[skin.edges[edges.edges, 0]].reshape(-1, 2),
             ]
         )
-        identity = np.concatenate(
-            [
-                vertices.vertex * skin.n_sides + skin.side[vertices.facet],
-                len(skin.node) * skin.n_sides + edges.edges[:, 0] * len(skin.edges) + edges.edges[:, 1],
-            ]
-        )
+        crossing = len(skin.node) * skin.n_sides + edges.edges[:, 0] * len(skin.edges) + edges.edges[:, 1]
+        identity = np.concatenate([self._identity(vertices), crossing])
         normal = np.concatenate([vertices.normal, edges.normal])[:, :d]
         foot = -np.einsum("ak,akd->ad", np.minimum(weights, 0.0), x[node])
         gap = np.concatenate([vertices.gap, edges.gap])
         gap = gap if bulge is None else gap - bulge
         contacts = Contacts(foot, frames(normal), gap, self.friction(bodies), node, weights, bodies, identity, bulge)
         return contacts.take(np.unique(identity, return_index=True)[1])
+
+    def _identity(self, vertices: VertexContacts) -> IntArray:
+        """Numbers of vertices on sides; of the faces of one side that a vertex in their corner touches the first has that number, and
+        others numbers of their own beyond those of edges."""
+        skin, face = self.skin, self.face[vertices.facet]
+        number = vertices.vertex * skin.n_sides + skin.side[vertices.facet]
+        order = np.lexsort((face, number))
+        again = order[1:][(number[order][1:] == number[order][:-1]) & (face[order][1:] != face[order][:-1])]
+        if len(again):
+            beyond = len(skin.node) * skin.n_sides + len(skin.edges) ** 2
+            number[again] = beyond + vertices.vertex[again] * len(skin.facets) + face[again]
+        return number
 
     def _checked(self, what: str, values: FloatArray) -> FloatArray:
         x = np.asarray(values, dtype=np.float64)

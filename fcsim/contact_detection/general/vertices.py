@@ -40,10 +40,11 @@ class VertexContacts(NamedTuple):
 
 
 def vertex_contacts(
-    skin: Skin, shape: Shape, near: NearBodies, reference: Shape, bending: int
+    skin: Skin, shape: Shape, near: NearBodies, reference: Shape, bending: int, face: IntArray
 ) -> tuple[VertexContacts, IntArray, IntArray]:
     """Contacts of vertices with facets, sorted by (vertex, body of the facet, gap); each physical point once. A pair of a body with itself
-    needs its shape in the reference configuration, see `folding`; the first so many bodies are `bending`, deformable.
+    needs its shape in the reference configuration, see `folding`; the first so many bodies are `bending`, deformable;
+    face (nf,): number of what is one face, however bent: in the inner corner of two a vertex touches either.
 
     And the numbers a nb + b of bodies a <= b, sorted, of which a vertex at a rim is not held since it does not reach over it: it may
     soon. And the vertices whose contacts are of a vertex with a vertex, on the surfaces of both, of which one is kept."""
@@ -69,7 +70,7 @@ def vertex_contacts(
     rows, N, gap, beyond = touched_facets(
         first, vertex, facet, weights, normal, height, distance, feature,
         both.alert[group], both.depth[group], both.near[group],
-        surroundings(skin, shape, bending),
+        surroundings(skin, shape, bending, face),
     )  # fmt: skip
     pairs = both.bodies[group[beyond]]
     found = VertexContacts(vertex[rows], facet[rows], weights[rows], N, gap)
@@ -78,11 +79,11 @@ def vertex_contacts(
     return found.take(~twice), np.unique(pairs.min(axis=1) * skin.n_bodies + pairs.max(axis=1)), met
 
 
-def surroundings(skin: Skin, shape: Shape, bending: int) -> Surroundings:
-    """Of a skin whose first so many bodies are deformable."""
+def surroundings(skin: Skin, shape: Shape, bending: int, face: IntArray) -> Surroundings:
+    """Of a skin whose first so many bodies are deformable, with faces as in `vertex_contacts`."""
     return Surroundings(
         shape.point, shape.normal, shape.centre, shape.mean, skin.facets, skin.sides, skin.facet_edges, skin.edge_facets,
-        skin.rim, skin.smooth, skin.smooth_vertex, skin.star, skin.first_star, int(skin.first_facet[bending]),
+        skin.rim, skin.smooth, skin.smooth_vertex, skin.star, skin.first_star, face, int(skin.first_facet[bending]),
     )  # fmt: skip
 
 

@@ -23,7 +23,7 @@ SQUARER, RIGID = np.deg2rad(15.0), np.deg2rad(5.0)  # one end is blunter than th
 
 
 class Surroundings(NamedTuple):
-    """What lies around vertices and facets: arrays of a `Shape` (point to mean) and of its `Skin`."""
+    """What lies around vertices and facets: arrays of a `Shape` (point to mean) and of its `Skin`; face (nf,) as in `vertex_contacts`."""
 
     point: FloatArray
     normals: FloatArray
@@ -38,6 +38,7 @@ class Surroundings(NamedTuple):
     smooth_vertex: BoolArray
     star: IntArray
     first_star: IntArray
+    face: IntArray
     bending: int  # the first so many facets are of deformable bodies
 
 

@@ -12,7 +12,7 @@ from fcsim.arrays import BoolArray, FloatArray, IntArray
 from fcsim.contact_detection.skin._shape_kernels import facet_geometry
 from fcsim.contact_detection.skin.blunt_edges import blunt
 from fcsim.contact_detection.skin.boundary import Boundary
-from fcsim.contact_detection.skin.skin import FLAT, SMOOTH, Skin
+from fcsim.contact_detection.skin.skin import BENT, FLAT, SMOOTH, Skin
 from fcsim.errors import InputError
 from fcsim.mesh.curves.patches import ROUND
 
@@ -72,6 +72,15 @@ def closed_skin(boundary: Boundary, positions: FloatArray, names: Sequence[str])
         patch=_patches(edge_facets[(cosine > ROUND) & ~edges_alone], len(facets)) if edges_alone.any() else patch,
         smooth_vertex=~rough,
     )
+
+
+def faces_of(skin: Skin, normal: FloatArray, curved: BoolArray, patch: IntArray) -> IntArray:
+    """Numbers (nf,) of what is one face: facets that meet at less than `BENT`, normal (nf, 3), and on the bodies (nb,) that are curved
+    those of one patch (nf,), chords of a curve."""
+    first, second = skin.edge_facets.T
+    one = np.einsum("ed,ed->e", normal[first], normal[second]) > BENT
+    one |= curved[skin.facet_body[first]] & (patch[first] == patch[second])
+    return _patches(skin.edge_facets[one], len(skin.facets))
 
 
 def _patches(pairs: IntArray, count: int) -> IntArray:

@@ -13,6 +13,9 @@ from fcsim.brief import brief
 FLAT = np.cos(np.deg2rad(0.05))
 """Faces that meet at less than 0.05 degrees are one: the edge between them needs no contact of its own, the vertices on it do the work."""
 
+BENT = np.cos(np.deg2rad(5.0))
+"""Faces that meet at less than 5 degrees are one that a mesh or strain has bent: there is no inner corner between them."""
+
 SMOOTH = np.cos(np.deg2rad(45.0))
 """Faces that meet at less than 45 degrees stand for a curved surface: a vertex rolls over the edge between them."""
 

@@ -25,6 +25,7 @@ from fcsim.timestep.remarks.of_shapes.corners import Corners
 from fcsim.timestep.remarks.of_shapes.entered import Entered
 from fcsim.timestep.remarks.of_shapes.far_off import far_off
 from fcsim.timestep.remarks.of_shapes.few_facets import FewFacets
+from fcsim.timestep.remarks.of_shapes.other_sides import OtherSides
 from fcsim.timestep.remarks.of_shapes.raised import Raised
 from fcsim.timestep.remarks.of_shapes.sunk_edges import SunkEdges
 from fcsim.timestep.remarks.spinning import spinning
@@ -40,6 +41,7 @@ class StepRemarks:
         self._rolled, self._few = RolledOn(), FewFacets(detection, steps)
         self._corners, self._entered = Corners(), Entered(detection, steps)
         self._sunk, self._raised = SunkEdges(detection, steps), Raised(steps)
+        self._other_sides = OtherSides(detection)
 
     def __call__(self, step: Step, found: Deformation, when: str, said: frozenset[str]) -> dict[str, str]:
         """Remarks by kind, of those kinds that are not among the `said`."""
@@ -64,6 +66,7 @@ class StepRemarks:
             | self._entered(step, when, said)
             | self._sunk(step, when, said)
             | self._raised(step, when, said)
+            | self._other_sides(step, when, said)
             | far_off(step, self._steps, when, said)
             | scarce_digits(step, when, said)
         )

@@ -20,6 +20,10 @@ from fcsim.timestep.step_equation.look_ahead.lengths import BORNE, places
 _INTEGRAL = ("mortar", "mortar-faces", "segments")
 NAMED = 0.05
 """Of how far the bodies are deformed: gaps that are wrong by more are named."""
+_NODES = 2**31
+"""More than a model has nodes."""
+_AT = 0.99
+"""Of a contact's weight on either side: with more on one node it is at that node."""
 
 
 class Chords:
@@ -52,7 +56,7 @@ class Chords:
         there, here = (of(step.encounter.meeting.positions) for of in (detection, self._detection))  # not those of the load step's end
         there = there.take(~_between(there, self._left_out))
         fits = there.take(_of(hollow, round_, there) & ((there.gap <= 0) | np.isin(there.identity, now.identity[pressed])))
-        at, known = places(here.identity, fits.identity)
+        at, known = _same_places(here, fits)
         own = np.append(here.gap, 0.0)[at]
         wrong = np.where(known, np.abs(fits.gap - own), np.maximum(-fits.gap, 0.0))  # what is not found is open
         force, least = float(step.contact_force[:, 0].sum()), BORNE * step.encounter.meeting.proportions.size
@@ -87,6 +91,28 @@ def _too_coarse(own: Detection, smooth: Detection) -> bool:
         (one, other) for a, b in zip(own.pairs, smooth.pairs, strict=True) for one, other in ((a.slave, b.slave), (a.master, b.master))
     ]
     return asked or any(one.bulge is None and other.bulge is not None for one, other in surfaces)
+
+
+def _same_places(known: Contacts, asked: Contacts) -> tuple[IntArray, BoolArray]:
+    """Where (n,) among the contacts `known` those `asked` are, and which are there: by identity, or of the same two nodes, whichever of
+    them is the vertex on the other's surface."""
+    at, found = places(known.identity, asked.identity)
+    if not len(known) or not len(asked):
+        return at, found
+    keys = [_two_nodes(contacts) for contacts in (known, asked)]
+    order = np.argsort(keys[0], kind="stable")
+    place = order[np.minimum(np.searchsorted(keys[0][order], keys[1]), len(order) - 1)]
+    alike = ~found & (keys[1] >= 0) & (keys[0][place] == keys[1])
+    return np.where(alike, place, at), found | alike
+
+
+def _two_nodes(contacts: Contacts) -> IntArray:
+    """One number (nc,) for the two nodes that a contact is at, -1 where it is at others."""
+    weights = np.where(contacts.nodes < 0, 0.0, contacts.weights)
+    rows, sides = np.arange(len(weights)), np.stack([weights.argmax(axis=1), weights.argmin(axis=1)], axis=1)
+    pair = np.sort(contacts.nodes[rows[:, None], sides], axis=1)
+    at_both = (np.abs(weights[rows[:, None], sides]) > _AT).all(axis=1)
+    return np.where(at_both, pair[:, 0] * _NODES + pair[:, 1], -1)
 
 
 def _between(contacts: Contacts, pairs: IntArray) -> BoolArray:

@@ -217,7 +217,7 @@ def test_vertices_of_convex_bodies(seed: int, distance: float) -> None:
     everything = Everything(model, 0.5, alert=5e-3)
     skin, shape = everything.skin, shape_of(everything.skin, model.reference)
     near = near_bodies(shape.body_low, shape.body_high, everything.lengths)
-    found, *_ = vertex_contacts(skin, shape, near, shape, 0)
+    found, *_ = vertex_contacts(skin, shape, near, shape, 0, everything.face)
     height = np.einsum("vfd,fd->vf", shape.point[:, None] - shape.centre[None], shape.normal)
     other = skin.vertex_body[:, None] != skin.facet_body[None]
     below = np.where(other, height, -np.inf).max(axis=1) < 0

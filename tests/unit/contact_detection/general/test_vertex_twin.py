@@ -49,7 +49,21 @@ class Twin:
         slope = arms @ n / np.linalg.norm(arms, axis=1)
         if slope.min() < -0.8 or (slope.min() < -0.01 and cosine.max() > 0.9):
             return -1.0
+        faced = self.around(v)[np.argmin(cosine)]
+        if slope.min() < -0.01 and cosine.min() < 0 and self.in_front(v, faced):
+            return -1.0
         return float(max(-cosine.min(), -self.mean[v] @ n))
+
+    def differ(self, f: Any, g: int) -> np.ndarray:
+        return np.asarray((self.face[f] != self.face[g]) | (self.normals[f] @ self.normals[g] < 0.7))
+
+    def in_front(self, v: int, f: int) -> bool:
+        """Facets around v of other faces than f, whose corners rise before f."""
+        for g in self.around(v):
+            arms = self.point[self.corners(g)] - self.point[v]
+            if self.differ(g, f) and np.any(arms @ self.normals[f] > 0.05 * np.linalg.norm(arms, axis=1)):
+                return True
+        return False
 
     def rims(self, f: int, foot: np.ndarray, n: np.ndarray, near: float, beside: float) -> list[tuple[np.ndarray, np.ndarray, int]]:
         """Points on the rims under the foot, the directions inwards, and their edges."""
@@ -123,7 +137,11 @@ class Twin:
         if sides == 2:
             here = here[:1]
         edges = self.facet_edges[f, here]
-        return bool(np.any(~self.rim[edges] & ~self.smooth[edges]))
+        for edge in edges[~self.rim[edges]]:
+            g, h = self.edge_facets[edge]
+            if self.differ(g, h) and (self.centres[h] - self.centres[g]) @ (self.normals[g] - self.normals[h]) > 0:
+                return True
+        return False
 
     def outward(self, row: int) -> np.ndarray:
         f, feature = self.facet[row], self.feature[row]
@@ -187,7 +205,7 @@ class Twin:
             step = self.centres[h] - self.centres[g]
             rises = np.einsum("gd,gd->g", step, self.normals[g]) > tol
             back = -step @ self.normals[h] > tol
-            if c != best and np.all(rises & back & (self.normals[g] @ self.normals[h] < 0.7)):
+            if c != best and np.all(rises & back & self.differ(g, h)):
                 kept.append(c)
         return [(rows[c], self.normal[rows[c]], height[c]) for c in kept]
 
@@ -200,6 +218,18 @@ def profile(at: tuple[float, float, float]) -> RigidBody:
     cut = np.array([(0, 1, 2), (0, 2, 3), (0, 3, 5), (3, 4, 5)])
     sides = np.stack([k, (k + 1) % 6, (k + 1) % 6 + 6, k + 6], axis=1)
     return RigidBody(f"L {at}", 1.0, np.eye(3), points.mean(axis=0), points, {"sides": sides, "low": cut[:, ::-1], "high": cut + 6})
+
+
+def gon(n: int, radius: float) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    angle, k = 2 * np.pi * np.arange(n) / n, np.arange(n)
+    return radius * np.stack([np.cos(angle), np.sin(angle)], axis=1), {"skin": np.stack([k, (k + 1) % n], axis=1)}
+
+
+def hollow(n: int) -> RigidBody:
+    """A ring of n flat sides within: inner corners of less than 60 degrees."""
+    (outer, sides), (inner, _) = gon(n, 0.2), gon(n, 0.1)
+    surfaces = {"out": sides["skin"], "in": n + sides["skin"][:, ::-1]}
+    return RigidBody("ring", 1.0, np.eye(1), np.zeros(2), np.concatenate([outer, inner]), surfaces)
 
 
 def scene(name: str, rng: np.random.Generator) -> tuple[Everything, np.ndarray]:
@@ -219,6 +249,9 @@ def scene(name: str, rng: np.random.Generator) -> tuple[Everything, np.ndarray]:
     elif name == "profiles":
         model = build_model([profile((0, 0, 0)), profile((0.11, 0.1, 0.02)), rigid_box("in it", (0.05,) * 3, (0.124, 0.125, 0.06), 1.0)])
         return Everything(model, 0.5), model.reference + np.repeat(3e-3 * rng.normal(size=(3, 3)), [12, 12, 8], axis=0)
+    elif name == "hollow":
+        model = build_model([hollow(8), RigidBody("peg", 1.0, np.eye(1), np.zeros(2), *gon(8, 0.1))])
+        return Everything(model, 0.5), model.reference + 3e-3 * rng.normal(size=(2, 2)).repeat([16, 8], axis=0)
     elif name == "plane":
         part = rectangle("part", (1.0, 0.4), (6, 3), Material(1e9, 0.2, 2000.0))
         model = build_model([Body("lower", part), Body("upper", part, translation=np.array([0.13, 0.4]))])
@@ -230,7 +263,7 @@ def scene(name: str, rng: np.random.Generator) -> tuple[Everything, np.ndarray]:
     return Everything(model, 0.5), model.reference
 
 
-@pytest.mark.parametrize("name", ["rocks", "boxes", "profiles", "plane", "bricks"])
+@pytest.mark.parametrize("name", ["rocks", "boxes", "profiles", "hollow", "plane", "bricks"])
 def test_touched_facets(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     asked = []
 
