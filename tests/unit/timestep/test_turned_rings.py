@@ -99,3 +99,19 @@ def test_a_rigid_wheel_turns_in_a_ring(rule: str, degrees: float, mu: float) -> 
     moment = (last.H @ last.result.r)[model.dof_offset[model.number["hub"]] + 2]
     for found in (moment, torque_on_hub(last)):
         assert found / (B * lame((C,))) == pytest.approx(-mu, abs=0.005)
+
+
+@pytest.mark.parametrize("rule", ["mortar", "nodes"])
+def test_a_rigid_casing_turns_about_a_ring(rule: str) -> None:
+    """Without friction it has no moment."""
+    angle, at = 0.03 + 2 * np.pi * np.arange(28) / 28, np.arange(28)
+    rim, edge = np.stack([np.cos(angle), np.sin(angle)], axis=1), np.stack([at, np.roll(at, -1)], axis=1)
+    surfaces = {"in": edge[:, ::-1], "out": 28 + edge}
+    casing = RigidBody("casing", 1.0, [[1.0]], [0.0, 0.0], np.concatenate([B * rim, C * rim]), surfaces)
+    speed = Support("casing", ("rz",), velocity=lambda t: np.deg2rad(9.0) if t > 1 else 0.0)
+    held = [Support("hub", ("x", "y"), "in"), Support("casing", ("x", "y")), speed]
+    model = build_model([Body("hub", ring("hub", A, B + INTERFERENCE, 36, 0.0)), casing], supports=held)
+    *_, last = Simulation(model, contact_between(model, rule, 0.0), QuasiStatic(1.0), 3, witness=Witness(initial="allow"))
+    moment = (last.H @ last.result.r)[model.dof_offset[model.number["casing"]] + 2]
+    assert abs(moment) < 1e-3 * B * last.contact_force[:, 0].sum()
+    assert last.contact_force[:, 0].sum() == pytest.approx(lame((A,)), rel=0.03)
