@@ -67,7 +67,7 @@ def came_together(
         again = asked_again(model, setup.scheme, state, met, held.take(~passed))
         return replace(again, ending=met.ending, released=released)
     exact = isinstance(innermost(detection), ExactContacts)
-    anew = _bent(met, there, begin, end) if exact else _turned_apart(model, met, there, after, end, reactions)
+    anew = _bent(met, there, begin, end) if exact else _turned_apart(model, met, there, (state, after), reactions)
     if len(anew):
         found = there.take(_of_pairs(there, anew))
         held = held.take(~_of_pairs(held, anew))
@@ -162,15 +162,18 @@ def _bent(met: Encounter, there: Contacts, begin: FloatArray, end: FloatArray) -
     return np.unique(np.sort(held.bodies[wrong], axis=1), axis=0)
 
 
-def _turned_apart(model: Model, met: Encounter, there: Contacts, after: State, end: FloatArray, reactions: FloatArray | None) -> IntArray:
-    """The pairs of bodies (n, 2), one at least deformable, whose meshes turn on each other on the way to positions `end` (n_nodes, d) [m],
-    where contacts `there` are, so that those of the beginning open by R (1 - cos(angle)): a ring that turns in its casing would lose its
-    pressure. What that takes is beside twice the elastic energy over the sum of the `reactions` (m,), which is how far contact has deformed
-    the bodies. They have the contacts of the end then, which last and turn by less than `TURNED`; joints with stiffness do not.
+def _turned_apart(model: Model, met: Encounter, there: Contacts, ends: tuple[State, State], reactions: FloatArray | None) -> IntArray:
+    """The pairs of bodies (n, 2), one at least deformable, whose meshes turn on each other from the first to the second of the states
+    `ends`, where contacts `there` are, so that those of the beginning open by R (1 - cos(angle)): a ring that turns in its casing would
+    lose its pressure. What that takes is beside twice the elastic energy over the sum of the `reactions` (m,), which is how far contact
+    has deformed the bodies. They have the contacts of the end then, which last and turn by less than `TURNED`; joints with stiffness or
+    adhesion do not.
     """
     held, nothing = met.meeting.contacts, np.empty((0, 2), dtype=np.int64)
-    if met.compliance is not None or reactions is None or not len(held) or not len(there) or not model.deformable:
+    remembers = met.compliance is not None or met.terms.adhesion is not None
+    if remembers or reactions is None or not len(held) or not len(there) or not model.deformable:
         return nothing
+    end = model.positions(ends[1].x)
     size, meant, moved = met.meeting.proportions.size_at(held), brought_back(held, end).gap, end - met.meeting.positions
     place, known = places(there.identity, held.identity)
     place = np.where(known, place, 0)
@@ -178,18 +181,28 @@ def _turned_apart(model: Model, met: Encounter, there: Contacts, after: State, e
     bears = lasts & ((meant < BORNE * size) | (there.gap[place] < -BORNE * size))  # what has opened may bear by those of the end
     off = np.abs(there.gap[place] - meant)
     along, slid = _ways(held, moved)
-    by_turning = turns(model, moved)[held.bodies].max(axis=1) > 0.5 * slid
+    by_turning = _turned(model, ends, moved)[held.bodies].max(axis=1) > 0.5 * slid
     elastic = held.bodies.min(axis=1) < len(model.deformable)
     wrong = (
         bears & by_turning & elastic & (slid > np.maximum(OF_FITS * SLID * size, along)) & (off > OF_FITS**2 * BENT * size) & ~held.cables
     )
     if not wrong.any():
         return nothing
-    last = model.elastic.at(after.x)
+    last = model.elastic.at(ends[1].x)
     force = float(met.forces(reactions)[:, 0].sum())
     motion = 2.0 * model.elastic.energies(last, last)[0][1] / force if force > 0 else 0.0
     wrong &= off > _LOST * motion
     return np.unique(np.sort(held.bodies[wrong], axis=1), axis=0)
+
+
+def _turned(model: Model, ends: tuple[State, State], moved: FloatArray) -> FloatArray:
+    """How far (nbodies,) [m] turning moves a node of each body beside its mean, of motions (n_nodes, d) between two states: of deformable
+    bodies what their frames turn by, not how they bend, of those of small rotations nothing."""
+    turned, count = turns(model, moved), len(model.deformable)
+    before, after = (model.elastic.rotation(model.elastic.at(state.x)) for state in ends)
+    chord = np.linalg.norm(after - before, axis=(1, 2)) / np.sqrt(2.0)  # 2 sin(angle / 2)
+    turned[:count] = np.minimum(turned[:count], chord * turns(model, model.positions(ends[0].x))[:count])
+    return turned
 
 
 def _ways(contacts: Contacts, moved: FloatArray) -> tuple[FloatArray, FloatArray]:
