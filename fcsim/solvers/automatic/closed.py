@@ -149,12 +149,6 @@ def in_small_bed(race: Race) -> bool:
     return race.small
 
 
-def in_noisy_bed(race: Race) -> bool:
-    """Whether few grains lie in a bed whose W is not symmetric, as one that bears noise: an interior point from zero arrives on fewer of
-    these, and proximal Newton, whose iterations cost a third since it leaves out open contacts, from the sweeps' iterate on more."""
-    return in_small_bed(race) and not race.problem.delassus.symmetric
-
-
 def swept_at_the_door(race: Race) -> bool:
     """Whether the compiled front door has left a small bed, where sweeps cost more than an interior point then: not so of unlike masses, of
     which sweeps still solve some."""

@@ -10,7 +10,6 @@ from fcsim.solvers.automatic.closed import (
     faces,
     held_as_blocks,
     in_bed,
-    in_noisy_bed,
     in_single_points,
     in_small_bed,
     on_springs,
@@ -111,8 +110,6 @@ def interior_opens(race: Race) -> bool:
     if race.warm or race.joints is not None or "interior point" in race.options.without:
         return False
     if not in_small_bed(race) and not _in_discs(race):
-        return False
-    if race.passed and in_noisy_bed(race):
         return False
     runner = race.runners.get("interior point")
     return runner is None or (runner.result is None and len(runner.monitor.paths) < 2 and on_a_path(runner))

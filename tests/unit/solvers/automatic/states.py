@@ -80,7 +80,6 @@ class State:
     small: bool = False
     still: bool = False
     passed: bool = False
-    symmetric: bool = True
     motion: object = None
     compliance: np.ndarray = field(default_factory=lambda: np.ones(2))
     runners: dict[str, Shown] = field(default_factory=dict)
@@ -92,7 +91,7 @@ class State:
     @property
     def problem(self) -> Any:
         W = sp.csr_array(np.eye(1)) if self.sparse else np.eye(1)
-        delassus = SimpleNamespace(shares=self.shares, size=self.nc * self.dimension, motion=self.motion, symmetric=self.symmetric)
+        delassus = SimpleNamespace(shares=self.shares, size=self.nc * self.dimension, motion=self.motion)
         sizes = {"nc": self.nc, "dimension": self.dimension, "m": self.nc * self.dimension}
         return SimpleNamespace(W=W, delassus=delassus, compliance=self.compliance, **sizes)
 

@@ -174,7 +174,6 @@ UNLIKE = np.array([1.0, 1001.0])
         ({}, False, True, False),
         ({"passed": False}, True, False, False),
         ({"compliance": UNLIKE}, True, False, False),
-        ({"symmetric": False}, True, False, True),  # W with noise: no interior point before it
         ({"small": False}, False, False, True),  # blocks, in their velocities
         ({"small": False, "in_velocities": False}, True, False, False),
         ({"small": False, "regular": True, "motion": object()}, False, False, False),  # joints with stiffness: Newton
