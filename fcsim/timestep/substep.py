@@ -14,9 +14,10 @@ from numpy.typing import NDArray
 from fcsim.arrays import FloatArray
 from fcsim.assembly.compliance import SystemFactor
 from fcsim.assembly.model import Model
-from fcsim.contact_detection import Detection, Detector, Everything, innermost
+from fcsim.contact_detection import Detection, Detector, Everything, innermost, left_out
 from fcsim.contact_law.areas.within_faces import with_points_within_faces
 from fcsim.contact_law.proportions import Proportions, proportions
+from fcsim.errors import InputError, Penetration
 from fcsim.linkage import Linkage
 from fcsim.ranks import held_in_common
 from fcsim.solvers import Memory
@@ -37,10 +38,12 @@ from fcsim.timestep.step_equation.end_velocity import turning_impulse
 from fcsim.timestep.step_equation.equation import Answer, Equation, Past, StepSolver
 from fcsim.timestep.step_equation.linearisation import TOLERANCE, Linearisation, joined_nodes
 from fcsim.timestep.step_equation.look_ahead.ahead import ROUNDS, borne_at_first, looked_ahead
+from fcsim.timestep.step_equation.look_ahead.passed import passed
 from fcsim.timestep.step_equation.loops.proximal_mass import with_proximal_mass
 from fcsim.timestep.step_equation.penetration import AtEnd, at_end
 from fcsim.timestep.step_equation.sequence import FREE_MOTION, LOOSE, solve_equation
 from fcsim.timestep.step_equation.settling import solve_settled
+from fcsim.witness.skin import Skins, skins_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,6 +83,15 @@ class Substeps:
     def detection(self) -> Detection:
         """The detector, with the points that springs per area need within flat faces."""
         return with_points_within_faces(self.detector, self.scheme.law, self.proportions)
+
+    @cached_property
+    def skins(self) -> Skins | None:
+        """Those of all bodies, by which what goes through another one is seen; None where some of them face inwards."""
+        without = left_out(self.detector)
+        try:
+            return skins_of(self.model)[0]._replace(without=without[:, 0] * len(self.model.bodies) + without[:, 1])
+        except InputError:
+            return None
 
     @cached_property
     def _systems(self) -> dict[tuple[float, float], SystemFactor]:
@@ -164,9 +176,18 @@ class Substep:
         answer.met.refuse_driven(run.model, answer.v, when, lambda: run.detection(positions()))
         began = opened.equation.met
         end = at_end(self.setup, (state, solved.after), began, answer.met, settled=solved.settled)
-        if end.too_long(self.cuts, run.cuttings, self.attempts, run.solver.tol):
+        if end.too_long(self.cuts, run.cuttings, self.attempts, run.solver.tol) or self._goes_through(answer, state, when):
             return None
         return self._ended(opened, solved, anchor, end)
+
+    def _goes_through(self, answer: Answer, state: State, when: str) -> bool:
+        """Whether bodies go through each other as the answer leads them: the part is to be cut. Penetration where it is the shortest."""
+        run = self.run
+        if not self.scheme.timing.moving or (through := passed(self.setup, answer.met, answer.v, state, lambda: run.skins)) is None:
+            return False
+        if self.cuts == run.cuttings:
+            raise Penetration(through.said(run.model, when, self.scheme.h))
+        return True
 
     def _when(self, start: Moment, t: float) -> str:
         return f"step {start.number}, t = {t:.6g} s"
