@@ -12,6 +12,7 @@ from fcsim.assembly.model import Model
 from fcsim.contact_law import Cohesive, Springs
 from fcsim.timestep.energy import pushing
 from fcsim.timestep.quasi_static import QuasiStatic
+from fcsim.timestep.remarks.equilibria.drawn_out import DrawnOut
 from fcsim.timestep.remarks.of_laws.known_laws import single_laws
 from fcsim.timestep.step import Step
 
@@ -74,11 +75,13 @@ class Snapping:
     is of third order in the length of a step along one path of equilibria. Where bodies leave it, through a snap or as a contact lets them
     go, R is what they release, which only motion could carry away. It is named where it exceeds `SHARE` E_0 and |(f_1 - f_0) . dx| / 2,
     which along a path is of second order, and round-off. Friction counts twice, since it is known at the end of the step only; so do
-    dashpots of joints. Statics regularised by the mass and bodies held by links are not asked.
+    dashpots of joints. What contacts give back as a pin is drawn out of its hole (`drawn_out`) is none of it. Statics
+    regularised by the mass and bodies held by links are not asked.
     """
 
     def __init__(self) -> None:
         self._before: _Loaded | None = None
+        self._drawn_out = DrawnOut()
 
     def __call__(self, step: Step, when: str, said: frozenset[str]) -> dict[str, str]:
         """The remark by its kind; {} where there is none, or where it is `said`."""
@@ -88,15 +91,16 @@ class Snapping:
         force = step.support_impulse + model.load(step.state.t, x) + pushing(model, x, When.at(step.state.t))
         energy = step.energy
         before, self._before = self._before, _Loaded(step.number, x, force, energy.elastic + energy.contact, _given_back(step))
-        if before is None or before.number != step.number - 1:
+        dx = None if before is None or before.number != step.number - 1 else x - before.x
+        back = self._drawn_out(step, dx)
+        if before is None or dx is None:
             return {}
-        dx = x - before.x
         taken = energy.material_dissipation + 2 * max(energy.tangential_dissipation, 0.0)
         taken += 2 * max(energy.normal_dissipation, 0.0) if _damped(scheme) else 0.0
         taken += _broken(step, self._before.given_back - before.given_back)
         work = 0.5 * float((before.force + force) @ dx)
-        released = work - (self._before.stored - before.stored) - taken
-        along = 0.5 * abs(float((force - before.force) @ dx))
+        released = work - (self._before.stored - before.stored) - taken - back
+        along = max(0.5 * abs(float((force - before.force) @ dx)), 0.5 * back)
         least = max(ROUND * float(np.abs(before.force * dx).sum()), _round_off(model, dx))
         if not released > max(SHARE * before.stored, along, least):
             return {}
