@@ -10,7 +10,7 @@ from fcsim.assembly.model import build_model
 from fcsim.assembly.supports import Support
 from fcsim.contact_detection import Everything
 from fcsim.mesh import Body
-from fcsim.mesh.blocks import rectangle, rigid_rectangle
+from fcsim.mesh.blocks import rectangle, rigid_box, rigid_rectangle
 from fcsim.mesh.material import neo_hooke, saint_venant_kirchhoff
 from fcsim.timestep.limits import Limits
 from fcsim.timestep.quasi_static import QuasiStatic
@@ -83,3 +83,25 @@ def test_a_disk_is_rolled_by_a_plate(law: object, elements: str) -> None:
     place, forces = step.contacts.point, step.force_in_space
     moment = np.sum((place[:, 0] - middle[0]) * forces[:, 1] - (place[:, 1] - middle[1]) * forces[:, 0])
     assert abs(moment) < 1e-4 * R * np.abs(forces).sum()
+
+
+def test_a_ball_is_rolled_by_a_plate_in_space() -> None:
+    """Its middle has half the plate's way, along it alone, and the plates' forces are opposite."""
+    R, way, steps = 0.1, 0.02, 6
+
+    def round_off(p: np.ndarray) -> np.ndarray:
+        a, b, c = (p * p).T
+        factors = [1 - s / 2 - t / 2 + s * t / 3 for s, t in ((b, c), (c, a), (a, b))]
+        return R * p * np.sqrt(np.stack(factors, axis=1))
+
+    ball = block("ball", [spaced(-1, 1, 4)] * 3, neo_hooke(1e6, 0.3, 1000.0), at=round_off)
+    plates = [rigid_box(name, (1.0, 1.0, 0.1), (0.0, 0.0, z), 1.0) for name, z in (("floor", -R - 0.05), ("plate", R + 0.05))]
+    supports = [Support("floor", ("x", "y", "z", "rx", "ry", "rz")), Support("plate", ("y", "rx", "ry", "rz"))]
+    supports.append(Support("plate", ("z",), displacement=lambda t: -0.04 * R * min(3 * t, 1.0)))
+    supports.append(Support("plate", ("x",), displacement=lambda t: way * max(t - 1 / 3, 0.0) * 1.5))
+    model = build_model([Body("ball", ball), *plates], supports=supports)
+    *_, step = Simulation(model, Everything(model, 0.5), QuasiStatic(1 / steps, eta=1e-3), steps, limits=ANYWHERE, witness=None)
+    middle = (model.positions(step.state.x)[: len(ball.points)] - ball.points).mean(axis=0)
+    assert_allclose(middle, [0.5 * way, 0.0, -0.02 * R], atol=0.01 * way)
+    force = step.contact_force_on("plate")
+    assert_allclose(step.contact_force_on("floor"), -force, atol=1e-4 * np.abs(force).max())
