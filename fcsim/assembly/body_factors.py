@@ -79,6 +79,11 @@ class BodyFactors:
         first: FloatArray = R @ self._group.laws.first_tangent @ R.T
         return first
 
+    @property
+    def mass(self) -> FloatArray:
+        """The mass (nblocks, d, d) [kg] of a body in world axes."""
+        return mass_blocks(self._group)
+
     @cached_property
     def matrices(self) -> FloatArray:
         """a M + blocks (nb, nblocks, d, d) of all bodies."""

@@ -93,11 +93,14 @@ def _spin(weight: FloatArray, arm: FloatArray, rate: FloatArray) -> FloatArray:
     return omega
 
 
-def stiffened(base: SystemFactor, blocks: tuple[FloatArray, ...], body: int, factor: float) -> tuple[FloatArray, ...]:
-    """The blocks with a share of the first stiffness added to one body's."""
+def stiffened(base: SystemFactor, blocks: tuple[FloatArray, ...], body: int, factor: float, held: float = 0.0) -> tuple[FloatArray, ...]:
+    """The blocks with a share of the first stiffness added to one body's, and its mass times `held` [1/s^2]."""
     changed = []
     for group, own in zip(base.nonlinear_groups, blocks, strict=True):
-        own = own.copy()
-        own[group.members == body] += factor * group.first_stiffness
+        own, of_body = own.copy(), group.members == body
+        if factor:
+            own[of_body] += factor * group.first_stiffness
+        if held:
+            own[of_body] += held * group.mass
         changed.append(own)
     return tuple(changed)

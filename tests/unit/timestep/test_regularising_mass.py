@@ -176,9 +176,8 @@ def billet(cells: tuple[int, int], law: AnyMaterial = STEEL, pace: float = 4e-4)
     return build_model([block, *plates], supports=supports), down
 
 
-def test_the_mass_that_is_advised_for_a_plastic_billet_does_not_carry_it() -> None:
-    """It bears 2 / sqrt(3) times its yield stress, and some percent of friction; the eta is that of the body, whatever its cells, and
-    whoever has it already is told a larger one."""
+def test_the_mass_that_is_advised_for_a_plastic_billet_is_that_of_the_body() -> None:
+    """Whatever its cells, and whoever has it already is told a larger one."""
 
     def advised(cells: tuple[int, int], eta: float) -> float:
         *_, text = doubts(billet(cells)[0], QuasiStatic(1.0, eta=eta), linkage=None)
@@ -187,21 +186,27 @@ def test_the_mass_that_is_advised_for_a_plastic_billet_does_not_carry_it() -> No
     eta = advised((3, 5), 1e4)
     assert advised((6, 10), 1e4) == eta
     assert 2 * eta <= advised((3, 5), eta) <= 4 * eta
+
+
+@pytest.mark.parametrize("eta", [1e4, 1e6])
+def test_a_plastic_billet_is_not_carried_by_the_mass(eta: float) -> None:
+    """It bears 2 / sqrt(3) times its yield stress, and some percent of friction."""
     model, down = billet((3, 5))
-    *_, step = Simulation(model, Everything(model, mu=0.1), QuasiStatic(1.0, eta=eta), 2)
+    *_, step = Simulation(model, Everything(model, mu=0.1), QuasiStatic(1.0, eta=eta), 2, cuttings=0)
     force, limit = -step.support_force(down)[1], 2 / np.sqrt(3) * 2e8 * 0.1
     assert limit < force < 1.06 * limit
-    assert_allclose(step.contact_force_on(1)[1], -force, rtol=0.02)
+    assert_allclose(step.contact_force_on(1)[1], -force, rtol=2e-3)
 
 
-def test_the_mass_that_is_advised_first_for_rubber_is_enough_for_the_whole_run() -> None:
-    """Pressed by a tenth of its height: the mass that bears less, a percent's, would be advised anew five times."""
+def test_rubber_pressed_by_a_tenth_needs_no_mass_that_bears_anything() -> None:
+    """A mass that bore a percent's pressure was advised anew five times; the forces of both plates are opposite, whatever the mass."""
     model, _ = billet((2, 3), neo_hooke(1e6, 0.3, 1000.0), 7.5e-3)
 
-    def run(eta: float) -> Step:
-        return list(Simulation(model, Everything(model, mu=0.3), QuasiStatic(1.0, eta=eta), 2, cuttings=0, witness=None))[-1]
+    def run(eta: float) -> np.ndarray:
+        simulation = Simulation(model, Everything(model, mu=0.3), QuasiStatic(1.0, eta=eta), 2, cuttings=0, witness=None)
+        *_, step = simulation
+        return np.array([step.contact_force_on(body)[1] for body in (1, 2)])
 
-    with pytest.raises(NotConverged, match="has lost its stiffness") as told:
-        run(1.0)
-    step = run(float(re.search(r"try eta = ([0-9.e+]+) and steps", str(told.value))[1]))  # type: ignore[index]
-    assert step.number == 2
+    little, more = run(1.0), run(10.0)
+    assert_allclose(little[0], -little[1], rtol=1e-4)
+    assert_allclose(little, more, rtol=1e-3)
