@@ -29,7 +29,7 @@ from fcsim.arrays import Json
 from fcsim.assembly.time_functions import AccelerationRecord
 from fcsim.errors import InputError
 from fcsim.files import note_read
-from fcsim.masonry.problem import Acceleration, BaseAcceleration, Block, Expected, MasonryProblem, PointForce, expect_problem
+from fcsim.masonry.problem import Acceleration, BaseAcceleration, Block, Expected, MasonryProblem, PointForce, expect_mass, expect_problem
 from fcsim.mesh.solids.closed_surface import closed_surface
 from fcsim.records import from_json, read_json, write_record
 
@@ -176,12 +176,12 @@ def _block(entry: object, where: str) -> Block:
         raise InputError(f"{where}: {error}") from None
     support = _get(bool, entry, "support", what, False)
     mass, density = _get(float | None, entry, "mass", what, None), _get(float | None, entry, "density", what, None)
-    if mass is not None:  # a mass counts, whatever density stands beside it
-        density = None
-    given = mass if density is None else density
+    if mass and density:  # 0 is none
+        expect_mass(surface, density, mass, what)
+    given = density if mass is None else mass
     if not support and not (given is not None and given > 0):
         raise InputError(f"{what}: expected a density > 0 in kg/m^3 or a mass > 0 in kg, got {density} and {mass}")
-    return Block(surface, density, mass, support) if given else Block(surface, support=support)
+    return Block(surface, density if mass is None else None, mass, support) if given else Block(surface, support=support)
 
 
 def _pose(entry: object, where: str) -> tuple[str, Callable[[Block], Block]]:

@@ -20,12 +20,15 @@ GRAVITY = 9.81
 """[m/s^2]"""
 DENSITY = 2000.0
 """[kg/m^3] of blocks that do not say theirs."""
+SAME_MASS = 0.01
+"""By how much a mass and a density times a volume may differ: both are rounded where they are written down."""
 
 
 @dataclass(frozen=True, eq=False)
 class Block:
     """A block of masonry: its closed surface [m], its density [kg/m^3] or its mass [kg], and whether it is held in all its motions.
 
+    InputError where both are said and differ by more than `SAME_MASS`: rigid blocks would have the one, deformable ones the other.
     cells: of which it is made where it deforms; None: it is meshed then.
     """
 
@@ -42,10 +45,20 @@ class Block:
             value = getattr(self, name)
             if value is not None and not (is_number(value) and value > 0):
                 raise InputError(f"block {self.name!r}, {name}: expected a number > 0, or None, got {shown(value)}")
+        if self.density is not None and self.mass is not None:
+            expect_mass(self.surface, self.density, self.mass, f"block {self.name!r}")
 
     @property
     def name(self) -> str:
         return self.surface.name
+
+
+def expect_mass(surface: ClosedSurface, density: float, mass: float, where: str) -> None:
+    """InputError unless the mass [kg] is that of the density [kg/m^3] within the surface, to `SAME_MASS`."""
+    volume = float(surface.moments()[0])
+    if not abs(density * volume - mass) <= SAME_MASS * abs(mass):
+        other = f"{density:g} kg/m^3, with which its {volume:.4g} m^3 have {density * volume:.4g} kg"
+        raise InputError(f"{where}: expected a mass or a density, or both that agree, got {mass:g} kg and {other}")
 
 
 @dataclass(frozen=True)
@@ -192,7 +205,13 @@ class MasonryProblem:
     @cached_property
     def smallest(self) -> float:
         """Smallest of the free blocks' largest extents [m]."""
-        return float(min(np.ptp(block.surface.points, axis=0).max() for block in self.blocks if not block.support))
+        return self.smallest_block[1]
+
+    @cached_property
+    def smallest_block(self) -> tuple[str, float]:
+        """The free block whose largest extent is the smallest, by its name, and that extent [m]."""
+        extents = ((block.name, float(np.ptp(block.surface.points, axis=0).max())) for block in self.blocks if not block.support)
+        return min(extents, key=lambda each: each[1])
 
     def ground(self, t: float, over: float = 0.0) -> FloatArray:
         """Acceleration (3,) [m/s^2] of the ground, of records the mean over a time [s], see `BaseAcceleration`."""

@@ -82,9 +82,14 @@ def shake(
         if len(ends) < len(problem.shaking):
             raise InputError(f"{problem.name!r}: expected a duration, since its ground shakes by a function, which has no end")
         duration = max(ends) + _AFTER
-    h = float(np.sqrt(2 * problem.smallest / GRAVITY)) / _STEPS if h is None else h
-    if not (is_number(duration) and is_number(h) and 0 < h <= duration):
-        raise InputError(f"duration, h: expected times in s with 0 < h <= duration, got {shown(duration)} and {shown(h)}")
+    if not (is_number(duration) and duration > 0):
+        raise InputError(f"duration: expected a time > 0 in s, got {shown(duration)}")
+    usual = float(np.sqrt(2 * problem.smallest / GRAVITY)) / _STEPS
+    if h is None and usual > duration:
+        raise InputError(f"duration: expected at least one step, which is {usual:.4g} s unless h says another, got {duration:g}")
+    h = usual if h is None else h
+    if not (is_number(h) and 0 < h <= duration):
+        raise InputError(f"h: expected a step > 0 in s, at most the duration of {duration:g} s, got {shown(h)}")
     model, _ = structure(problem, blocks, stone, lumped=False, over=h)
     simulation = Simulation(
         model, Everything(model, problem.friction), Theta(h, theta), int(np.ceil(duration / h)), SolverSettings(name="auto"), created=np.inf

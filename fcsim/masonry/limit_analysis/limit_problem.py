@@ -53,7 +53,8 @@ def limit_problem(problem: MasonryProblem, *, tolerance: float | None = None) ->
     if tolerance is not None and not (is_number(tolerance) and tolerance > 0):
         raise InputError(f"tolerance: expected a distance > 0 in m, got {shown(tolerance)}")
     if tolerance is not None and tolerance > (most := _WIDEST * problem.smallest):  # blocks would touch through others
-        raise InputError(f"tolerance: expected at most {most:.4g} m, a quarter of the smallest block's extent, got {tolerance:g}")
+        of = f"the smallest block's extent ({problem.smallest_block[0]!r})"
+        raise InputError(f"tolerance: expected at most {most:.4g} m, a quarter of {of}, got {tolerance:g}")
     if problem.shaking:
         raise InputError(f"limit analysis of {problem.name!r}: expected ground at rest, got base_acceleration: see `fcsim shake`")
     bodies = rigid_blocks(problem)

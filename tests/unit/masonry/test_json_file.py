@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -117,6 +118,7 @@ def test_what_is_wrong_is_named(tmp_path: Path, change: dict[str, Any], message:
         ({"fixed": True}, "'1': expected the key 'support', got 'fixed'"),
         ({"mu": 0.3}, "'1': expected the key 'mu_between of contact', got 'mu'"),
         ({"Mass": 7.0}, "'1': expected the key 'mass', got 'Mass'"),
+        ({"mass": 2100.0}, "'1': expected a mass or a density, or both that agree, got 2100 kg and 1000 kg/m.3, .* 2 m.3 have 2000 kg"),
     ],
 )
 def test_wrong_blocks_are_named(tmp_path: Path, change: dict[str, Any], message: str) -> None:
@@ -132,6 +134,11 @@ def test_a_mass_counts_before_a_density(tmp_path: Path) -> None:
     data = copy.deepcopy(PROBLEM)
     data["blocks"][1] |= {"density": 0, "mass": 7.0}
     assert read_masonry(write(tmp_path, data)).blocks[1].mass == 7.0
+    data["blocks"][1] |= {"density": 1000, "mass": 2010.0}  # the same, rounded: 1 x 1 x 2 m
+    block = read_masonry(write(tmp_path, data)).blocks[1]
+    assert (block.mass, block.density) == (2010.0, None)
+    with pytest.raises(InputError, match=r"block '1': .* both that agree, got 30 kg"):
+        replace(block, density=1000.0, mass=30.0)
 
 
 def test_hexahedra_in_vtks_order_are_solids(tmp_path: Path) -> None:

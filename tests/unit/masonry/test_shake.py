@@ -10,7 +10,7 @@ import pytest
 
 from fcsim.assembly.time_functions import AccelerationRecord
 from fcsim.command_line.main import main
-from fcsim.errors import InputError
+from fcsim.errors import EXIT_BAD_INPUT, InputError
 from fcsim.masonry import MasonryProblem, read_masonry
 from fcsim.masonry.histories.shake import shake, shaken
 
@@ -85,6 +85,27 @@ def test_functions_without_an_end_ask_for_a_duration(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="expected a duration"):
         shake(problem)
     assert shake(problem, duration=0.1, h=0.01).displacement[-1] < 1e-6  # mu g is more
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["--duration=2", "--h=0"], "h: expected a step > 0 in s, at most the duration of 2 s, got 0"),
+        (["--duration=2", "--h=-1"], "h: expected a step > 0 in s, at most the duration of 2 s, got -1"),
+        (["--duration=2", "--h=nan"], "h: expected a step > 0 in s, at most the duration of 2 s, got nan"),
+        (["--duration=2", "--h=3"], "h: expected a step > 0 in s, at most the duration of 2 s, got 3"),
+        (["--duration=-2"], "duration: expected a time > 0 in s, got -2"),
+        (
+            ["--duration=1e-3"],
+            "duration: expected at least one step, which is 0.004515 s unless h says another, got 0.001",
+        ),  # sqrt(2 x 1 m / g) / 100
+    ],
+)
+def test_steps_and_durations_that_cannot_be_are_named(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], options: list[str], said: str
+) -> None:
+    assert main(["shake", str(flat(tmp_path)), *options]) == EXIT_BAD_INPUT
+    assert said in capsys.readouterr().err
 
 
 def test_what_a_run_says_is_printed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

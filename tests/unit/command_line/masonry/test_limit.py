@@ -45,7 +45,7 @@ def test_what_is_wedged_is_not_said_to_need_no_friction(tmp_path: Path, capsys: 
         (["--density", "1500"], "density: expected it with blocks whose file has none"),
         (["--tolerance=-1"], "tolerance: expected a distance > 0 in m, got -1"),
         (["--tolerance=nan"], "tolerance: expected a distance > 0 in m, got nan"),
-        (["--tolerance=10"], "tolerance: expected at most 0.25 m, a quarter of the smallest block's extent, got 10"),
+        (["--tolerance=10"], "tolerance: expected at most 0.25 m, a quarter of the smallest block's extent ('block'), got 10"),
     ],
 )
 def test_options_that_say_nothing_possible_or_nothing_new_are_refused(
