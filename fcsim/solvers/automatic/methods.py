@@ -10,7 +10,7 @@ import numpy as np
 from fcsim.arrays import FloatArray
 from fcsim.linear.block_rows import embed_vector
 from fcsim.problem.infeasible import certificate
-from fcsim.solvers.automatic.closed import edges, elastic, held_as_blocks, in_bed, in_small_bed, kept, newton_stays, on_springs, unlike
+from fcsim.solvers.automatic.closed import edges, elastic, held_as_blocks, in_bed, kept, newton_stays, on_springs, unlike
 from fcsim.solvers.automatic.race import Race, ShareOfMonitor
 from fcsim.solvers.base import Iterate, Options, Status
 from fcsim.solvers.gauss_seidel._sweep_kernels import change_to_await
@@ -18,7 +18,6 @@ from fcsim.solvers.gauss_seidel.conjugate import nncg
 from fcsim.solvers.gauss_seidel.one_contact import ONE_CONTACT
 from fcsim.solvers.gauss_seidel.rows import ContactRows
 from fcsim.solvers.gauss_seidel.sweeps import GaussSeidelOptions, nsgs
-from fcsim.solvers.interior_point.coulomb import InteriorPointOptions, interior_point_turns
 from fcsim.solvers.newton.iterations import local_turns
 from fcsim.solvers.newton.levenberg_marquardt import levenberg_marquardt_turns
 from fcsim.solvers.newton.options import NewtonOptions
@@ -62,14 +61,6 @@ where alpha falls tenfold after each, 51 000 by another `along`; of 97 others `n
 ANEW = 12_000
 """Pieces after which paths from a warm start begin anew from zero, by turns of as many: of 35 hard steps those that took 41 000 and 27 000,
 by others in the end, take 4800 and 3800 from zero, one that was not solved 6000, the others more or less."""
-INTERIOR = InteriorPointOptions(paths=3)
-"""Of 44 runs of up to six central paths in beds of grains that arrived, from zero and from iterates of sweeps and of proximal Newton, 40
-took at most three."""
-INTERIOR_OF_BEDS = InteriorPointOptions()
-"""From zero each path begins at the best point of those before it, which nears a solution; from an iterate that is better than all of
-them each begins at that again. Of 31 beds that are hard at 1e-8, 13 were solved from zero by up to six paths."""
-INTERIOR_FIRST = InteriorPointOptions(paths=1)
-"""Of 31 layers of boxes and ten walls of 1400 to 1900 contacts 38 came to 1e-4 by the first path from zero, in 13 to 50 iterations."""
 NEWTON = NewtonOptions(formulation="AC", rho="adaptive", divergence=RANK_DEFICIENT, longest=LONGEST)
 FISCHER_BURMEISTER = NewtonOptions(formulation="FB", rho="spectral norm")
 PROXIMAL_OF_BLOCKS = replace(PROXIMAL_NEWTON, metric="identity", alpha=1e-3, sigma=5.0, easy=8)
@@ -235,32 +226,6 @@ def proximal_from_zero(race: Race, monitor: ShareOfMonitor) -> Turns:
     options = PROXIMAL_BY_ONE_NUMBER if by_one_number else PROXIMAL_LOOSE
     options = replace(options, max_iterations=race.options.max_iterations)
     return proximal_turns(race.problem, np.zeros_like(race.start), monitor, options)
-
-
-def interior(race: Race, monitor: ShareOfMonitor) -> Turns:
-    """IPM-COULOMB, in blocks from the best iterate, which it moves inside the cones, elsewhere from zero."""
-    if held_as_blocks(race) and not in_small_bed(race):
-        return _interior(race, monitor, race.best_r(), INTERIOR)
-    return _interior(race, monitor, np.zeros_like(race.start), INTERIOR_OF_BEDS)
-
-
-def interior_first(race: Race, monitor: ShareOfMonitor) -> Turns:
-    """IPM-COULOMB from zero by one path."""
-    return _interior(race, monitor, np.zeros_like(race.start), INTERIOR_FIRST)
-
-
-def _interior(race: Race, monitor: ShareOfMonitor, r: FloatArray, options: InteriorPointOptions) -> Turns:
-    """IPM-COULOMB from r (m,), which tells the monitor of its paths."""
-    paths = monitor.paths
-
-    def told(tau: float) -> None:
-        if np.isfinite(tau):
-            paths[-1].append(float(np.sqrt(tau)))
-        else:
-            paths.append([])
-
-    options = replace(options, max_iterations=race.options.max_iterations)
-    return interior_point_turns(race.problem, r, monitor, options, told)
 
 
 def paths(race: Race, monitor: ShareOfMonitor) -> Turns:

@@ -34,6 +34,7 @@ from fcsim.solvers.automatic.closed import (
 from fcsim.solvers.automatic.costs import Prices
 from fcsim.solvers.automatic.expected import FAR, at_first, dearer_than_newton, opening, swept
 from fcsim.solvers.automatic.first import newton_first, proximal_first, proximal_is_due, splitting_first
+from fcsim.solvers.automatic.interior import interior, interior_first
 from fcsim.solvers.automatic.later import (
     BESIDE,
     beside_interior,
@@ -175,7 +176,7 @@ STAGES: tuple[Stage, ...] = (
         "IPM-COULOMB from zero by one path. Enters in the place of proximal Newton where faces of so many bodies hold one another that "
         "its iterations cost little more. Alone, left below 1e-4 and where its path does not lead on.",
         enters=_enter_interior_first,
-        turns=methods.interior_first,
+        turns=interior_first,
         price=lambda race: race.prices.interior,
         alone=lambda race, runner: True,
         left=lambda race, runner: runner.monitor.best <= BESIDE or not on_a_path(runner),
@@ -194,7 +195,7 @@ STAGES: tuple[Stage, ...] = (
         "has ended or is past its own iterations, in blocks if it needs as much as an interior point costs. In beds both share alike; "
         "alone on a central path that leads on in blocks, and in beds of discs, where it goes before proximal Newton.",
         enters=enter_interior,
-        turns=methods.interior,
+        turns=interior,
         price=lambda race: race.prices.interior,
         alone=interior_alone,
     ),

@@ -61,11 +61,16 @@ class InteriorPointOptions(Options):
 
     fraction   least share of the way to the boundary that a step may take
     paths      central paths that are followed, one after the other, before giving up
+    weights    of these, as in `WEIGHTS`, again from the first where there are more paths
+    velocity   [||q|| / sqrt(nc)] to which the first start is moved inside, each further one to `NEARER` of the one before: from an iterate
+               of error e that others have come to about 10 sqrt(e); a larger one forgets it, from a smaller one steps jam
     polish     iterations of proximal Newton at the end of a path, 0: none
     """
 
     fraction: float = 0.9
     paths: int = 6
+    weights: tuple[tuple[float, float], ...] = WEIGHTS
+    velocity: float = 1.0
     polish: int = 30
 
     def __post_init__(self) -> None:
@@ -73,6 +78,17 @@ class InteriorPointOptions(Options):
         if not 0 < self.fraction <= LONGEST:
             raise InputError(f"option fraction: expected a number in (0, {LONGEST}], got {self.fraction}")
         self.integers_from(paths=1, polish=0)
+        self.numbers_above(velocity=0)
+        if not np.isfinite(self.velocity):
+            raise InputError(f"option velocity: expected a finite number, got {self.velocity}")
+        if not self.weights or not all(_is_pair(pair) for pair in self.weights):
+            raise InputError(f"option weights: expected pairs of finite numbers, one at least, got {self.weights!r}")
+
+
+def _is_pair(pair: object) -> bool:
+    """Whether it is two finite numbers."""
+    numbers = isinstance(pair, tuple | list) and len(pair) == 2 and all(isinstance(number, int | float) for number in pair)
+    return numbers and bool(np.all(np.isfinite(pair)))  # type: ignore[call-overload]
 
 
 def interior_point(problem: LocalProblem, r: FloatArray, monitor: Monitor, options: InteriorPointOptions) -> Iterate:
@@ -89,13 +105,13 @@ def interior_point_turns(
     if error <= monitor.tol:
         return Iterate(r, Status.SOLVED)
     method = _InteriorPoint(problem, monitor, options, told or (lambda tau: None))
-    begun, size = monitor.iterations, monitor.scale / np.sqrt(problem.nc)
+    begun, size, weights = monitor.iterations, options.velocity * monitor.scale / np.sqrt(problem.nc), options.weights
     for number in range(options.paths):
         method.told(np.inf)
         if number:
             yield
-        best = r if monitor.best_r is None else monitor.best_r
-        status = yield from method.follow(best, NEARER**number * size, *WEIGHTS[number % len(WEIGHTS)])
+        best = r if not number or monitor.best_r is None else monitor.best_r
+        status = yield from method.follow(best, NEARER**number * size, *weights[number % len(weights)])
         if status is None and options.polish and method.least <= POLISHED:
             status = yield from method.polish()
         if status is not None:

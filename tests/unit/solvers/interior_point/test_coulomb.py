@@ -133,6 +133,20 @@ def test_regular_problems_need_one_path_alone(seed: int, d: int) -> None:
 
 
 @pytest.mark.parametrize("d", [2, 3])
+@pytest.mark.parametrize("weights", [((0.0, 0.0),), ((1.0, 0.0), (0.0, 0.5))])
+def test_a_path_from_near_a_solution_is_short_where_its_velocity_is_small(d: int, weights: tuple[tuple[float, float], ...]) -> None:
+    """From another method's solution moved by some 1e-5 of it, whatever the weights: to the same answer."""
+    p = random_problem(d)
+    answer = solve(p, "NSN-AC", tol=1e-12).r
+    near = answer * (1 + 1e-5 * np.random.default_rng(0).standard_normal(p.m))
+    results = [solve(p, "IPM-COULOMB", near, tol=1e-8, paths=2, polish=0, weights=weights, velocity=v) for v in (1.0, 1e-3)]
+    assert all(result.solved for result in results)
+    for result in results:
+        assert_allclose(result.r, answer, atol=1e-6)
+    assert results[1].iterations <= results[0].iterations - 3
+
+
+@pytest.mark.parametrize("d", [2, 3])
 def test_turns_are_iterations_and_tell_a_falling_tau(d: int) -> None:
     p, told = random_problem(d), []
     monitor = Monitor(p.q, p.mu, d, 1e-8, compliance=p.delassus.compliance)
@@ -192,6 +206,12 @@ def test_polish_does_not_begin_from_a_start_that_was_good_already() -> None:
         ({"fraction": 0.0}, "fraction"),
         ({"paths": 0}, "paths: expected an integer >= 1, got 0"),
         ({"polish": -1}, "polish: expected an integer >= 0, got -1"),
+        ({"velocity": 0.0}, "velocity: expected a number > 0, got 0.0"),
+        ({"velocity": np.inf}, "velocity: expected a finite number, got inf"),
+        ({"weights": ()}, r"weights: expected pairs of finite numbers, one at least, got \(\)"),
+        ({"weights": (1.0, 0.0)}, "weights: expected pairs"),
+        ({"weights": ((1.0, np.nan),)}, "weights: expected pairs"),
+        ({"weights": ((1.0, "x"),)}, "weights: expected pairs"),
     ],
 )
 def test_bad_option_is_refused(options: dict[str, Any], message: str) -> None:
