@@ -44,6 +44,7 @@ def with_swept(
     times: FloatArray,
     alert: float,
     body_of: IntArray | None = None,
+    passing: Callable[[Contacts], FloatArray] | None = None,
 ) -> Contacts:
     """Return the contacts `now` and those that `detect` finds at `times` (n,), 0 ... 1, along the way, sorted by identity.
 
@@ -51,15 +52,18 @@ def with_swept(
     open by more than `alert` [m] at the end of the motion is left out, and so is what a vertex that has gone through a face seen before
     touches from within: deep inside, the nearest face is not the one by which it came. Edges go through as well: what lies deeper at the
     beginning than anything of the same two bodies does, by more than `alert`, and only opens along the motion, is the far side of what was
-    gone through. body_of (n_nodes,): the nodes' bodies, where contacts have an area.
+    gone through. body_of (n_nodes,): the nodes' bodies, where contacts have an area. passing: the gap (nc,) [m] of contacts beyond which
+    at all times two bodies that do not touch `now` pass each other, and have none.
     """
-    found, off = [now], [np.full(len(now), -1.0)]
+    found, off, least = [now], [np.full(len(now), -1.0)], [(_pair(now), np.full(len(now), -np.inf))]
     through = np.empty(0, dtype=np.int64)
     most = np.zeros(len(positions))
     for t in times:
         there = detect(t)
         if body_of is not None:
             most = np.maximum(most, _areas_of_nodes(there, body_of))
+        if passing is not None:
+            least.append((_pair(there), there.gap - passing(there)))
         other = ~np.isin(there.identity, now.identity)
         if not other.any():
             continue
@@ -79,8 +83,18 @@ def with_swept(
     order = np.lexsort((np.concatenate(off), every.identity))
     identity = every.identity[order]
     order = order[np.append(True, identity[1:] != identity[:-1])[: len(order)]]
+    if passing is not None:
+        order = order[(order < len(now)) | ~_passes(_pair(every.take(order)), *map(np.concatenate, zip(*least, strict=True)))]
     every = every.take(order)
     return every if body_of is None else _with_areas_left(every, order >= len(now), most, body_of)
+
+
+def _passes(sought: IntArray, pairs: IntArray, nearest: FloatArray) -> BoolArray:
+    """Which of the pairs `sought` (n,), all of them among `pairs` (k,), are nowhere nearer than 0, by `nearest` (k,) [m] there."""
+    known, number = np.unique(pairs, return_inverse=True)
+    least = np.full(len(known), np.inf)
+    np.minimum.at(least, number.ravel(), nearest)
+    return np.asarray(least[np.searchsorted(known, sought)] > 0)
 
 
 def with_met(held: Contacts, found: Contacts, there: Contacts, body_of: IntArray) -> Contacts:

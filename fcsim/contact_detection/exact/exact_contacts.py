@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 
@@ -171,8 +172,23 @@ class ExactContacts:
             then = placed_on_the_way(self.solids, there)
             return self._contacts([round_points(touch, then, now) for touch in self._touches(then, there, further)])
 
-        met = with_swept(begin, met_at, x, way, times, alert)
+        met = with_swept(begin, met_at, x, way, times, alert, passing=partial(self._beside, between=closing))
         return self.on_their_master(met, x)
+
+    def _beside(self, contacts: Contacts, between: float) -> FloatArray:
+        """The gap (nc,) [m] that round bodies which touch have had somewhere, at places that are `between` [m] apart on a way; of what has
+        corners none is enough.
+
+        Two balls are at most s^2 / (2 R) nearer at the middle of a way of 2 s than at its end, R the sum of their radii; so are a core and
+        an edge or a corner, R the radius.
+        """
+        solids = self.solids
+        radius = np.full(len(self.model.bodies), np.inf)
+        radius[solids.body] = np.where(np.isin(np.arange(len(solids.kind)), solids.of("cylinder")), 0.0, solids.radius)
+        radius[solids.body[solids.of("plane")]] = np.inf
+        least = radius[contacts.bodies].min(axis=1)
+        least = np.where(np.isfinite(least), least, 0.0)
+        return np.where(least > 0, between**2 / np.maximum(8.0 * least, 1e-300), np.inf)
 
     def on_their_master(self, contacts: Contacts, x: FloatArray) -> Contacts:
         """Contacts found elsewhere with their points on the master at x (n_nodes, d) [m]: a point of a solid moves with weights of both
