@@ -42,6 +42,7 @@ class Encounter:
     ending    (n, 2) pairs of bodies that a load step of statics carries over each other, held where they end it, `look_ahead.load_steps`
     linkage   the links that it knows of, None where there are none
     released  (n, 2) pairs of bodies of which contacts of the beginning were taken out, since they bore what had gone apart
+    turned    (n, 2) pairs of bodies that statics turn, which have the contacts of the end, `look_ahead.turned_meshes`
     drift     of what bore in the last step, None where it is not asked for
     arms      (n_dofs,) configuration in which rigid bodies have the lever arms of H; None: that of detection
     """
@@ -57,6 +58,7 @@ class Encounter:
     linkage: Linkage | None = None
     ending: IntArray = field(default_factory=lambda: np.empty((0, 2), dtype=np.int64))
     released: IntArray = field(default_factory=lambda: np.empty((0, 2), dtype=np.int64))
+    turned: IntArray = field(default_factory=lambda: np.empty((0, 2), dtype=np.int64))
     drift: Drift | None = None
     arms: FloatArray | None = None
 

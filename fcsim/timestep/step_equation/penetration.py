@@ -16,7 +16,7 @@ from fcsim.timestep.encounter import Encounter
 from fcsim.timestep.scheme import StepSetup
 from fcsim.timestep.state import State
 from fcsim.timestep.step_equation.look_ahead.lengths import moves, turns
-from fcsim.timestep.step_equation.look_ahead.load_steps import turned_too_far
+from fcsim.timestep.step_equation.look_ahead.turned_meshes import turned_too_far
 from fcsim.timestep.step_equation.loops.lost_contacts import Lost, lost
 
 LOOKED_AT = 1e-6

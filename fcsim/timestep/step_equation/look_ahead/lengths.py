@@ -20,6 +20,14 @@ BORNE = 1e-5
 THROWN = 1e-3
 """Of the smaller body's size: a contact that is carried farther than meant, since what bent it did not come about, is bent less."""
 
+SLID, BENT = 1e-2, 1e-4
+"""Of the smaller body: what slides by less in a load step has the contacts of its beginning; gaps that are off by less are as meant."""
+
+TURNED = 0.2
+"""A turn [rad] within which what is met along a straight way is met."""
+
+_BODIES = 1 << 31  # more than there are
+
 
 def places(known: IntArray, wanted: IntArray) -> tuple[IntArray, BoolArray]:
     """Where the numbers `wanted` stand among the ascending `known` ones, len(known) for those that do not, and which do."""
@@ -65,3 +73,16 @@ def of_other_facets(met: Encounter, there: Contacts, later: FloatArray) -> BoolA
         return np.zeros(len(there), dtype=bool)
     meeting = met.meeting
     return comes_after(meeting.contacts, meeting.positions, there, later, meeting.proportions)
+
+
+def ways(contacts: Contacts, moved: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """How far (nc,) [m] contacts go along their normals and beside them as nodes move by `moved` (n_nodes, d) [m]."""
+    way = np.einsum("ak,akd->ad", np.where(contacts.nodes < 0, 0.0, contacts.weights), moved[contacts.nodes])
+    along, *beside = np.einsum("aid,ad->ia", contacts.frame, way)
+    return np.abs(along), np.linalg.norm(beside, axis=0)
+
+
+def of_pairs(contacts: Contacts, pairs: IntArray) -> BoolArray:
+    """Which contacts (nc,) are those of the pairs of bodies (n, 2), the smaller number first."""
+    own, sought = (bodies[:, 0] * _BODIES + bodies[:, 1] for bodies in (np.sort(contacts.bodies, axis=1), pairs))
+    return np.asarray(np.isin(own, sought))

@@ -19,7 +19,21 @@ from fcsim.errors import InputError
 from fcsim.timestep.encounter import Encounter, asked_again
 from fcsim.timestep.scheme import StepSetup
 from fcsim.timestep.state import State
-from fcsim.timestep.step_equation.look_ahead.lengths import BORNE, THROWN, back_at, moves, of_other_facets, places, turns
+from fcsim.timestep.step_equation.look_ahead.lengths import (
+    BENT,
+    BORNE,
+    SLID,
+    THROWN,
+    TURNED,
+    back_at,
+    moves,
+    of_other_facets,
+    of_pairs,
+    places,
+    turns,
+    ways,
+)
+from fcsim.timestep.step_equation.look_ahead.turned_meshes import not_slid_by_turning, turned_arms, turned_meshes
 
 FAR = 0.1
 """Of the smallest body: bodies that a load step moves by less beside each other have not gone through one another."""
@@ -27,27 +41,19 @@ FAR = 0.1
 DEEPER = 2.0
 """Times the depth at which bodies end: they have gone through what they met where they overlap by so much once its normal says so."""
 
-TURNED = 0.2
-"""A turn [rad] within which what is met along a straight way is met."""
-
-SLID, BENT = 1e-2, 1e-4
-"""Of the smaller body: what slides by less in a load step has the contacts of its beginning; gaps that are off by less are as meant."""
-
-OF_FITS = 0.1
-"""Of `SLID`, and its square of `BENT`, between meshes: interferences of what fits are that small, and turning opens with its square."""
-
-_LOST = 0.01
-"""Of how far contact deforms bodies: what turning opens by less is left to the step."""
-
 _ASKED = 32
 """Pairs of bodies whose depth on the way of a load step is looked at; of more, the others are held on the way."""
-
-_BODIES = 1 << 31  # more than there are
 
 
 def came_together(
     setup: StepSetup, state: State, met: Encounter, v: FloatArray, after: State, reactions: FloatArray | None = None
 ) -> Encounter | None:
+    """The encounter of a load step of statics with the contacts that `_carried` finds, by which what turns together has not slid."""
+    again = _carried(setup, state, met, v, after, reactions)
+    return None if again is None else not_slid_by_turning(setup.model, again, (state, after))
+
+
+def _carried(setup: StepSetup, state: State, met: Encounter, v: FloatArray, after: State, reactions: FloatArray | None) -> Encounter | None:
     """The encounter of a load step of statics with the contacts that it did not begin with and ends in each other; None where none do.
 
     A support or a load may carry a body from afar, beyond where contacts are looked for, into another one or through it: without this
@@ -65,26 +71,26 @@ def came_together(
     if passed.any():
         released = np.concatenate([released, np.unique(np.sort(held.bodies[passed], axis=1), axis=0)])
         again = asked_again(model, setup.scheme, state, met, held.take(~passed))
-        return replace(again, ending=met.ending, released=released)
+        return replace(again, ending=met.ending, released=released, turned=met.turned)
     exact = isinstance(innermost(detection), ExactContacts)
-    anew = _bent(met, there, begin, end) if exact else _turned_apart(model, met, there, (state, after), reactions)
+    anew = _bent(met, there, begin, end) if exact else turned_meshes(model, met, there, (state, after), reactions)
     if len(anew):
-        found = there.take(_of_pairs(there, anew))
-        held = held.take(~_of_pairs(held, anew))
+        found = there.take(of_pairs(there, anew))
+        held = held.take(~of_pairs(held, anew))
         if exact:
             return _with(setup, state, met, held, back_at(begin, detection, found, end), there)
-        met = replace(met, arms=_turned_arms(model, state, met, after, anew))
-        return _with(
-            setup, state, met, held, replace(found, gap=brought_back(found, begin).gap), there, end - model.node_velocity(v, met.arms)
-        )
+        met = replace(met, arms=turned_arms(model, state, met, after, anew))
+        apart = end - model.node_velocity(v, met.arms)
+        met = replace(met, turned=np.unique(np.concatenate([met.turned, anew]), axis=0))
+        return _with(setup, state, met, held, replace(found, gap=brought_back(found, begin).gap), there, apart)
     found, ending = _closed(met, _met_far(model, met, detection, end - begin), end), met.ending
-    found = found.take(~_of_pairs(found, ending))
+    found = found.take(~of_pairs(found, ending))
     if len(found):
         over = _slid_over(met, found, there, detection, begin, end)
-        found, ending = found.take(~_of_pairs(found, over)), np.concatenate([ending, over])
+        found, ending = found.take(~of_pairs(found, over)), np.concatenate([ending, over])
     if not len(found):
-        left = _of_pairs(held, ending) & _left_behind(met, held, end)
-        wanted = _deep(met, there, end) | _of_pairs(there, np.sort(held.bodies[left], axis=1))
+        left = of_pairs(held, ending) & _left_behind(met, held, end)
+        wanted = _deep(met, there, end) | of_pairs(there, np.sort(held.bodies[left], axis=1))
         there = there.take(wanted & ~of_other_facets(met, there, end))
         held = held.take(~left)
         found = there.take(~places(held.identity, there.identity)[1])
@@ -108,17 +114,7 @@ def _with(
         of = np.append(np.zeros(len(setup.model.deformable), dtype=bool), turned)[every.bodies].any(axis=1)
         every = replace(every, gap=np.where(of, brought_back(every, straight).gap, every.gap))
     again = asked_again(setup.model, setup.scheme, state, met, every)
-    return replace(again, ending=met.ending, released=met.released)
-
-
-def _turned_arms(model: Model, state: State, met: Encounter, after: State, pairs: IntArray) -> FloatArray:
-    """(n_dofs,) the configuration of the lever arms with that of the end for rigid bodies of the pairs (n, 2): a force along a normal of
-    the end would turn a wheel, did it act where the wheel had the point at the beginning. Deformable ones are in balance at the end."""
-    arms = (state.x if met.arms is None else met.arms).copy()
-    rigid = np.unique(pairs) - len(model.deformable)
-    rigid = rigid[rigid >= 0]
-    model.rigid_part(arms)[rigid] = model.rigid_part(after.x)[rigid]
-    return arms
+    return replace(again, ending=met.ending, released=met.released, turned=met.turned)
 
 
 def _passed(met: Encounter, there: Contacts, end: FloatArray) -> BoolArray:
@@ -128,7 +124,7 @@ def _passed(met: Encounter, there: Contacts, end: FloatArray) -> BoolArray:
     other by normals that are the same but for `TURNED` have slid along a face."""
     held = met.meeting.contacts
     size = met.meeting.proportions.size_at(held)
-    passed = (brought_back(held, end).gap < BORNE * size) & _left_behind(met, held, end) & ~_of_pairs(held, met.released)
+    passed = (brought_back(held, end).gap < BORNE * size) & _left_behind(met, held, end) & ~of_pairs(held, met.released)
     if not passed.any():
         return passed
     place, known = places(there.identity, held.identity)
@@ -157,73 +153,9 @@ def _bent(met: Encounter, there: Contacts, begin: FloatArray, end: FloatArray) -
     meant = brought_back(held, end).gap
     place, known = places(there.identity, held.identity)
     off = np.where(known, np.abs(np.append(there.gap, 0.0)[place] - meant), np.inf)
-    along, slid = _ways(held, end - begin)
+    along, slid = ways(held, end - begin)
     wrong = (meant < BORNE * size) & (slid > np.maximum(SLID * size, along)) & (off > BENT * size) & ~held.cables
     return np.unique(np.sort(held.bodies[wrong], axis=1), axis=0)
-
-
-def _turned_apart(model: Model, met: Encounter, there: Contacts, ends: tuple[State, State], reactions: FloatArray | None) -> IntArray:
-    """The pairs of bodies (n, 2), one at least deformable, whose meshes turn on each other from the first to the second of the states
-    `ends`, where contacts `there` are, so that those of the beginning open by R (1 - cos(angle)): a ring that turns in its casing would
-    lose its pressure. What that takes is beside twice the elastic energy over the sum of the `reactions` (m,), which is how far contact
-    has deformed the bodies. They have the contacts of the end then, which last and turn by less than `TURNED`; joints with stiffness or
-    adhesion do not.
-    """
-    held, nothing = met.meeting.contacts, np.empty((0, 2), dtype=np.int64)
-    remembers = met.compliance is not None or met.terms.adhesion is not None
-    if remembers or reactions is None or not len(held) or not len(there) or not model.deformable:
-        return nothing
-    end = model.positions(ends[1].x)
-    size, meant, moved = met.meeting.proportions.size_at(held), brought_back(held, end).gap, end - met.meeting.positions
-    place, known = places(there.identity, held.identity)
-    place = np.where(known, place, 0)
-    lasts = known & (np.einsum("ad,ad->a", there.frame[place, 0], held.frame[:, 0]) > np.cos(TURNED))
-    bears = lasts & ((meant < BORNE * size) | (there.gap[place] < -BORNE * size))  # what has opened may bear by those of the end
-    off = np.abs(there.gap[place] - meant)
-    along, slid = _ways(held, moved)
-    by_turning = _turned(model, ends, moved)[held.bodies].max(axis=1) > 0.5 * slid
-    elastic = held.bodies.min(axis=1) < len(model.deformable)
-    wrong = (
-        bears & by_turning & elastic & (slid > np.maximum(OF_FITS * SLID * size, along)) & (off > OF_FITS**2 * BENT * size) & ~held.cables
-    )
-    if not wrong.any():
-        return nothing
-    last = model.elastic.at(ends[1].x)
-    force = float(met.forces(reactions)[:, 0].sum())
-    motion = 2.0 * model.elastic.energies(last, last)[0][1] / force if force > 0 else 0.0
-    wrong &= off > _LOST * motion
-    return np.unique(np.sort(held.bodies[wrong], axis=1), axis=0)
-
-
-def _turned(model: Model, ends: tuple[State, State], moved: FloatArray) -> FloatArray:
-    """How far (nbodies,) [m] turning moves a node of each body beside its mean, of motions (n_nodes, d) between two states: of deformable
-    bodies what their frames turn by, not how they bend, of those of small rotations nothing."""
-    turned, count = turns(model, moved), len(model.deformable)
-    before, after = (model.elastic.rotation(model.elastic.at(state.x)) for state in ends)
-    chord = np.linalg.norm(after - before, axis=(1, 2)) / np.sqrt(2.0)  # 2 sin(angle / 2)
-    turned[:count] = np.minimum(turned[:count], chord * turns(model, model.positions(ends[0].x))[:count])
-    return turned
-
-
-def _ways(contacts: Contacts, moved: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """How far (nc,) [m] contacts go along their normals and beside them as nodes move by `moved` (n_nodes, d) [m]."""
-    way = np.einsum("ak,akd->ad", np.where(contacts.nodes < 0, 0.0, contacts.weights), moved[contacts.nodes])
-    along, *beside = np.einsum("aid,ad->ia", contacts.frame, way)
-    return np.abs(along), np.linalg.norm(beside, axis=0)
-
-
-def turned_too_far(met: Encounter, there: Contacts, end: FloatArray) -> bool:
-    """Whether a load step that ended with contacts `met` at positions `end` (n_nodes, d) [m] has let meshes overlap that its law holds
-    apart, since they have turned by more than `TURNED`: what is `there` is that deep by normals that the step knows nothing of."""
-    held = met.meeting.contacts
-    if met.compliance is not None or not len(held) or not len(there):
-        return False
-    place, known = places(there.identity, held.identity)
-    place = np.where(known, place, 0)
-    turned = known & (np.einsum("ad,ad->a", there.frame[place, 0], held.frame[:, 0]) < np.cos(TURNED)) & ~held.cables
-    least = BORNE * met.meeting.proportions.size_at(held)
-    turned &= there.gap[place] < -least
-    return bool(turned.any()) and bool((turned & (brought_back(held, end).gap > -0.5 * least)).any())
 
 
 def _slid_over(met: Encounter, way: Contacts, there: Contacts, detection: Detection, begin: FloatArray, end: FloatArray) -> IntArray:
@@ -255,7 +187,7 @@ def _slid_over(met: Encounter, way: Contacts, there: Contacts, detection: Detect
 def _shallow(detection: Detection, positions: FloatArray, pair: IntArray, depth: float) -> bool:
     """Whether a pair of bodies overlaps at positions (n_nodes, d) [m] by less than half again of `depth` [m]."""
     found = detection(positions)
-    return bool(found.gap.min(where=_of_pairs(found, pair[None]), initial=0.0) > -0.5 * (1.0 + DEEPER) * depth)
+    return bool(found.gap.min(where=of_pairs(found, pair[None]), initial=0.0) > -0.5 * (1.0 + DEEPER) * depth)
 
 
 def _from_the_first(contacts: Contacts) -> FloatArray:
@@ -269,12 +201,6 @@ def _left_behind(met: Encounter, contacts: Contacts, end: FloatArray) -> BoolArr
     apart = np.einsum("ak,akd->ad", np.where(contacts.nodes < 0, 0.0, contacts.weights), end[contacts.nodes])
     beside = np.einsum("aid,ad->ai", contacts.frame[:, 1:], apart)
     return np.asarray((np.linalg.norm(beside, axis=1) > FAR * met.meeting.proportions.size_at(contacts)) & ~contacts.cables)
-
-
-def _of_pairs(contacts: Contacts, pairs: IntArray) -> BoolArray:
-    """Which contacts (nc,) are those of the pairs of bodies (n, 2), the smaller number first."""
-    own, sought = (bodies[:, 0] * _BODIES + bodies[:, 1] for bodies in (np.sort(contacts.bodies, axis=1), pairs))
-    return np.asarray(np.isin(own, sought))
 
 
 def _met_far(model: Model, met: Encounter, detection: Detection, moved: FloatArray) -> Contacts:
