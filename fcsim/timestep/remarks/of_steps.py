@@ -19,6 +19,7 @@ from fcsim.timestep.remarks.of_laws.coarse_springs import coarse_springs
 from fcsim.timestep.remarks.of_laws.rigid_joints import rigid_joints
 from fcsim.timestep.remarks.of_laws.rolled_on import RolledOn
 from fcsim.timestep.remarks.of_laws.struck_together import struck_together
+from fcsim.timestep.remarks.of_laws.turned_joints import turned_joints
 from fcsim.timestep.remarks.of_laws.turned_slip import turned_slip
 from fcsim.timestep.remarks.of_shapes.chords import Chords
 from fcsim.timestep.remarks.of_shapes.corners import Corners
@@ -56,6 +57,7 @@ class StepRemarks:
             | bearing_nothing(step, self._detection, when, said)
             | struck_together(step, when, said)
             | turned_slip(step, when, said)
+            | turned_joints(step, when, said)
             | rigid_joints(step, when, said)
             | coarse_springs(step, when, said)
             | self._rolled(step, found, when, said)

@@ -13,6 +13,7 @@ import pytest
 
 from fcsim import (
     Body,
+    Compliant,
     Detector,
     DrivenRotation,
     Everything,
@@ -21,6 +22,7 @@ from fcsim import (
     QuasiStatic,
     RigidBody,
     Simulation,
+    Springs,
     Step,
     Support,
     SurfacePair,
@@ -117,16 +119,21 @@ def test_a_rigid_casing_turns_about_a_ring(rule: str) -> None:
     assert last.contact_force[:, 0].sum() == pytest.approx(lame((A,)), rel=0.03)
 
 
+def turned_together(degrees: float) -> Model:
+    """Both rings, held and turned within and without by the same angle in each step but the first."""
+    kinds = (("casing", ring("casing", B, C, 28, 0.03), "out"), ("hub", ring("hub", A, B + INTERFERENCE, 36, 0.0), "in"))
+    bodies = [Body(name, part, kinematics="turning") for name, part, _ in kinds]
+    turned = [DrivenRotation(name, lambda t: np.deg2rad(degrees) * max(t - 1.0, 0.0), (0.0, 0.0), surface=held) for name, _, held in kinds]
+    return build_model(bodies, supports=turned)
+
+
 @pytest.mark.parametrize("mu", [0.0, MU])
 @pytest.mark.parametrize("degrees", [1.0, 9.0, 30.0])
 @pytest.mark.parametrize("rule", ["mortar", "nodes", "Everything"])
 def test_rings_that_turn_together_press_as_before(rule: str, degrees: float, mu: float) -> None:
     """Held and turned within and without by the same angle: nothing slides, and the normals turn with both. By those of a step's beginning
     the pressure was 0.85 of Lame's in a step of 9 degrees, with friction the moment sin(9 degrees) N R."""
-    kinds = (("casing", ring("casing", B, C, 28, 0.03), "out"), ("hub", ring("hub", A, B + INTERFERENCE, 36, 0.0), "in"))
-    bodies = [Body(name, part, kinematics="turning") for name, part, _ in kinds]
-    turned = [DrivenRotation(name, lambda t: np.deg2rad(degrees) * max(t - 1.0, 0.0), (0.0, 0.0), surface=held) for name, _, held in kinds]
-    model = build_model(bodies, supports=turned)
+    model = turned_together(degrees)
     for step in Simulation(model, contact_between(model, rule, mu), QuasiStatic(1.0), 3, witness=Witness(initial="allow")):
         assert step.contact_force[:, 0].sum() == pytest.approx(lame(), rel=0.01)
         assert abs(torque_on_hub(step)) < 1e-3 * B * lame()
@@ -147,3 +154,14 @@ def test_a_ring_carries_another_round_by_friction(degrees: float) -> None:
         assert abs(torque_on_hub(step)) < 1e-3 * B * lame()
     angle = np.rad2deg(np.arctan2(R[:, 1, 0], R[:, 0, 0]))
     assert angle == pytest.approx(2 * degrees, rel=2e-3)
+
+
+@pytest.mark.parametrize(("degrees", "said"), [(2.0, False), (9.0, True)])
+def test_joints_that_turn_by_much_in_a_step_are_named(degrees: float, said: bool) -> None:
+    """Joints with stiffness have the contacts of the beginning."""
+    model = turned_together(degrees)
+    scheme = QuasiStatic(1.0, law=Compliant(Springs(normal=1e12, tangential=1e12)))
+    steps = list(Simulation(model, contact_between(model, "mortar", MU), scheme, 2, witness=None))
+    remarks = [remark for step in steps for remark in step.remarks if "stiffness or adhesion" in remark]
+    assert len(remarks) == said
+    assert all("'casing'" in remark and "'hub'" in remark and "0.16 rad" in remark for remark in remarks)

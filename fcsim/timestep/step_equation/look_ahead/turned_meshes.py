@@ -70,7 +70,7 @@ def turn_together(model: Model, ends: tuple[State, State], pairs: IntArray) -> B
     """Which pairs of bodies (n, 2) turn by the same turn, but for `_ALIKE`, from the first to the second of the states."""
     if not len(pairs):
         return np.zeros(0, dtype=bool)
-    turn = _rotations(model, ends)
+    turn = rotations(model, ends)
     one, other = (turn[side] for side in pairs.T)
     most = np.maximum(*(np.linalg.norm(each - np.eye(model.dimension), axis=(1, 2)) for each in (one, other)))
     return np.asarray((most > 0.5 * _TILTED) & (np.linalg.norm(one - other, axis=(1, 2)) < _ALIKE * most))
@@ -89,14 +89,14 @@ def not_slid_by_turning(model: Model, met: Encounter, ends: tuple[State, State])
         return met
     weights = np.where(contacts.nodes[rows] < 0, 0.0, contacts.weights[rows])
     apart = np.einsum("ak,akd->ad", weights, met.meeting.positions[contacts.nodes[rows]])
-    turned = np.einsum("aij,aj->ai", _rotations(model, ends)[contacts.bodies[rows, 1]], apart) - apart
+    turned = np.einsum("aij,aj->ai", rotations(model, ends)[contacts.bodies[rows, 1]], apart) - apart
     slid = np.einsum("aid,ad->ai", contacts.frame[rows, 1:], turned) / met.meeting.timing.length_per_u
     w, scale = met.terms.w.copy(), met.terms.scale
     w[rows, 1:] -= slid if scale is None else scale[rows, 1:] * slid
     return replace(met, terms=replace(met.terms, w=w))
 
 
-def _rotations(model: Model, ends: tuple[State, State]) -> FloatArray:
+def rotations(model: Model, ends: tuple[State, State]) -> FloatArray:
     """By what bodies turn (nbodies, d, d) from the first to the second of the states: those of small rotations not at all."""
     before, after = (
         np.concatenate([model.elastic.rotation(model.elastic.at(x)), model.rigid_rotation(x)]) for x in (end.x for end in ends)
