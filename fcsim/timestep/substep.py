@@ -38,6 +38,7 @@ from fcsim.timestep.step_equation.end_velocity import turning_impulse
 from fcsim.timestep.step_equation.equation import Answer, Equation, Past, StepSolver
 from fcsim.timestep.step_equation.linearisation import TOLERANCE, Linearisation, joined_nodes
 from fcsim.timestep.step_equation.look_ahead.ahead import ROUNDS, borne_at_first, looked_ahead
+from fcsim.timestep.step_equation.look_ahead.driven_turns import turns_too_far
 from fcsim.timestep.step_equation.look_ahead.passed import passed
 from fcsim.timestep.step_equation.loops.proximal_mass import with_proximal_mass
 from fcsim.timestep.step_equation.penetration import AtEnd, at_end
@@ -169,7 +170,9 @@ class Substep:
 
     def after(self, start: Moment, kept: dict[int, Memory] | None, anchor: Moment) -> Step | None:
         """The step from a moment on; None where it has no answer, and is to be cut. kept: see `Simulation.step`."""
-        if (opened := self._opened(start, kept)) is None or (solved := self._solved(opened, kept)) is None:
+        if (opened := self._opened(start, kept)) is None or self._turned_far(opened.equation.met, opened.start.state):
+            return None
+        if (solved := self._solved(opened, kept)) is None:
             return None
         run, answer, state = self.run, solved.answer, opened.start.state
         when, positions = self._when(opened.start, solved.after.t), partial(run.model.positions, solved.after.x)
@@ -178,7 +181,15 @@ class Substep:
         end = at_end(self.setup, (state, solved.after), began, answer.met, settled=solved.settled)
         if end.too_long(self.cuts, run.cuttings, self.attempts, run.solver.tol) or self._goes_through(answer, state, when):
             return None
+        if self._turned_far(answer.met, state):
+            return None
         return self._ended(opened, solved, anchor, end)
+
+    def _turned_far(self, met: Encounter, state: State) -> bool:
+        """Whether supports turn what touches by so much in statics that the part is to be cut."""
+        if self.scheme.timing.moving:
+            return False
+        return turns_too_far(self.run.model, met.contacts, state.t, self.scheme.h, shortest=self.cuts == self.run.cuttings)
 
     def _goes_through(self, answer: Answer, state: State, when: str) -> bool:
         """Whether bodies go through each other as the answer leads them: the part is to be cut. Penetration where it is the shortest."""

@@ -30,6 +30,7 @@ from fcsim import (
     build_model,
     contact_surface,
 )
+from fcsim.errors import InputError
 from fcsim.mesh import Part
 
 E, NU, A, B, C, INTERFERENCE, MU = 1e7, 0.3, 0.05, 0.1, 0.15, 1e-4, 0.3
@@ -66,7 +67,7 @@ def torque_on_hub(step: Step) -> float:
 
 
 @pytest.mark.parametrize("mu", [0.0, MU])
-@pytest.mark.parametrize("degrees", [0.5, 2.25, 9.0, 40.0])
+@pytest.mark.parametrize("degrees", [0.5, 2.25, 9.0, 40.0, 100.0])
 @pytest.mark.parametrize("rule", ["mortar", "nodes", "Everything"])
 def test_a_ring_turns_in_its_casing(rule: str, degrees: float, mu: float) -> None:
     """What turns it has the moment of friction, none without: forces act where the ring is when they are in balance. Steps of more than a
@@ -128,7 +129,7 @@ def turned_together(degrees: float) -> Model:
 
 
 @pytest.mark.parametrize("mu", [0.0, MU])
-@pytest.mark.parametrize("degrees", [1.0, 9.0, 30.0])
+@pytest.mark.parametrize("degrees", [1.0, 9.0, 30.0, -360.0])
 @pytest.mark.parametrize("rule", ["mortar", "nodes", "Everything"])
 def test_rings_that_turn_together_press_as_before(rule: str, degrees: float, mu: float) -> None:
     """Held and turned within and without by the same angle: nothing slides, and the normals turn with both. By those of a step's beginning
@@ -165,3 +166,11 @@ def test_joints_that_turn_by_much_in_a_step_are_named(degrees: float, said: bool
     remarks = [remark for step in steps for remark in step.remarks if "stiffness or adhesion" in remark]
     assert len(remarks) == said
     assert all("'casing'" in remark and "'hub'" in remark and "0.16 rad" in remark for remark in remarks)
+
+
+def test_what_may_not_be_cut_is_refused() -> None:
+    """Nothing bore after a step of 100 degrees, and nothing was said."""
+    model = turned_together(100.0)
+    simulation = Simulation(model, contact_between(model, "mortar", MU), QuasiStatic(1.0), 2, witness=Witness(initial="allow"), cuttings=0)
+    with pytest.raises(InputError, match=r"at most 1 rad in a part of a load step, got 1\.75 rad of '(casing|hub)': take more steps"):
+        list(simulation)
