@@ -61,7 +61,7 @@ def measure(skins: Skins, positions: FloatArray, least: float, *, thorough: bool
     order = bodies[np.argsort(box_low[bodies, axes[0]], kind="stable")]
     first, second = meeting_boxes(order, np.ascontiguousarray(box_low[:, axes]), np.ascontiguousarray(box_high[:, axes]), d)
     floor = least * np.minimum(skins.size[first], skins.size[second])
-    moves = (skins.movable[first] | skins.movable[second]) & _measured(skins, first, second)
+    moves = (skins.movable[first] | skins.movable[second]) & measured(skins, first, second)
     meet = moves & ((np.minimum(box_high[first], box_high[second]) - np.maximum(box_low[first], box_low[second])).min(axis=1) > floor)
     first, second, floor = first[meet], second[meet], floor[meet]
     skin = (skins.vertices, skins.first_vertex, skins.edges, skins.first_edge)
@@ -80,11 +80,11 @@ def measure(skins: Skins, positions: FloatArray, least: float, *, thorough: bool
         owner = np.repeat(closed, np.diff(skins.first_vertex)[closed])
         more = exact_overlaps(skins.exact, positions, forest, bodies, (forest.points[skins.vertices, :d], owner))
         deep = more[1] > least * np.minimum(skins.size[more[0][:, 0]], skins.size[more[0][:, 1]])
-        deep &= skins.movable[more[0]].any(axis=1) & _measured(skins, *more[0].T)
+        deep &= skins.movable[more[0]].any(axis=1) & measured(skins, *more[0].T)
         pairs, depth, place = (np.concatenate([a, b[deep]]) for a, b in zip((pairs, depth, place), more, strict=True))
     return PairOverlaps(pairs, depth, place)
 
 
-def _measured(skins: Skins, first: IntArray, second: IntArray) -> BoolArray:
+def measured(skins: Skins, first: IntArray, second: IntArray) -> BoolArray:
     """Which pairs of bodies (n,) are none of those that are left out."""
     return ~np.isin(np.minimum(first, second) * len(skins.roots) + np.maximum(first, second), skins.without)

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fcsim.arrays import BoolArray, FloatArray, IntArray
+from fcsim.arrays import FloatArray, IntArray
 from fcsim.assembly.model import Model
 from fcsim.contact_detection import Everything, ExactContacts, innermost
 from fcsim.contact_law.coulomb import Velocity
@@ -23,7 +23,7 @@ from fcsim.timestep.scheme import StepSetup
 from fcsim.timestep.state import State
 from fcsim.witness._overlap_kernels import meeting_boxes
 from fcsim.witness.folding import NONE
-from fcsim.witness.overlap import PairOverlaps, measure
+from fcsim.witness.overlap import PairOverlaps, measure, measured
 from fcsim.witness.skin import Skins
 
 DEEP = 0.1
@@ -97,7 +97,7 @@ def _near(model: Model, skins: Skins, begin: FloatArray, end: FloatArray, moved:
     first, second = meeting_boxes(order, low, high, model.dimension)
     motion = np.linalg.norm(mean[first] - mean[second], axis=1) + turn[first] + turn[second]
     size = np.minimum(skins.size[first], skins.size[second])
-    far = (motion > 2.0 * DEEP * size) & (skins.movable[first] | skins.movable[second]) & _touching(skins, first, second)
+    far = (motion > 2.0 * DEEP * size) & (skins.movable[first] | skins.movable[second]) & measured(skins, first, second)
     looks = np.ceil((motion[far] / (BETWEEN * size[far])).max(initial=1.0))
     return np.stack([first, second], axis=1)[far], int(min(looks, MOST))
 
@@ -127,11 +127,6 @@ def _swept(
     low, high = low - 0.5 * turn[:, None], high + 0.5 * turn[:, None]  # an arc of the length l is within l / 2 of its chord
     low[~skins.closed], high[~skins.closed] = np.nan, np.nan
     return np.clip(low, -1e300, 1e300), np.clip(high, -1e300, 1e300), mean, turn
-
-
-def _touching(skins: Skins, first: IntArray, second: IntArray) -> BoolArray:
-    """Which pairs of bodies (n,) are not left out."""
-    return ~np.isin(np.minimum(first, second) * len(skins.roots) + np.maximum(first, second), skins.without)
 
 
 def _of_bodies(skins: Skins, bodies: IntArray) -> Skins:
